@@ -1,0 +1,42 @@
+//! What a controller sees of the world: measure, apply, advance.
+
+use nalgebra::{UnitQuaternion, Vector3};
+
+use crate::arm::JointVector;
+
+/// The tracked object O, as a motion-capture system would report it (paper, Sec. 3.1: four
+/// markers), and whether it touches the pan.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ObjectState {
+    /// Centre of the object in the world, m.
+    pub p_WO: Vector3<f64>,
+    /// Orientation of the object in the world; a pancake's normal is its z axis.
+    pub R_WO: UnitQuaternion<f64>,
+    /// True while the object touches the pan. It flickers when the object is nearly weightless.
+    pub in_contact: bool,
+}
+
+/// One sample of the plant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Measurement {
+    /// Joint positions, rad.
+    pub q: JointVector,
+    /// Joint speeds, rad/s.
+    pub qd: JointVector,
+    /// The tracked object.
+    pub object: ObjectState,
+}
+
+/// A torque-controlled arm and its surroundings, simulated or real.
+///
+/// The torque given by [`apply`](Plant::apply) acts until it is replaced.
+pub trait Plant: Send {
+    /// Puts the world back to its start: a simulator builds a fresh one.
+    fn reset(&mut self);
+    /// The state at the end of the last period.
+    fn measure(&self) -> Measurement;
+    /// Commands joint torques, N·m. Precondition: finite, within the arm's limits.
+    fn apply(&mut self, tau: &JointVector);
+    /// Lets one period pass.
+    fn advance(&mut self);
+}

@@ -1,0 +1,220 @@
+//! A cell: one controller and its learner, with a name that prefixes everything they share.
+//!
+//! ```
+//! let cell = shm_types::cell::Cell::new("kitchen-1")?;
+//! let lock = cell.lock(shm_types::cell::Role::Controller)?; // one controller a cell
+//! # drop(lock); cell.remove_if_idle();
+//! # Ok::<(), shm_types::cell::CellError>(())
+//! ```
+
+use std::fs::{self, File, OpenOptions};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
+use std::path::{Path, PathBuf};
+
+use iceoryx2::prelude::{Config, FileName, Path as IpcPath, SemanticString};
+use rustix::fs::{FlockOperation, flock};
+use thiserror::Error;
+
+/// Where iceoryx2 keeps shared-memory files on Linux.
+const SHM_DIR: &str = "/dev/shm";
+/// iceoryx2 puts sockets below its root, whose paths end at 108 bytes.
+const MAX_ROOT_LEN: usize = 60;
+const MAX_NAME_LEN: usize = 24;
+
+/// Who holds a lock of the cell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    Controller,
+    Learner,
+}
+
+impl Role {
+    pub fn name(self) -> &'static str {
+        match self {
+            Role::Controller => "controller",
+            Role::Learner => "learner",
+        }
+    }
+}
+
+/// Why a cell cannot be used.
+#[derive(Debug, Error)]
+pub enum CellError {
+    #[error("cell name '{0}': use 1 to {MAX_NAME_LEN} characters of a-z, 0-9 and '-'")]
+    Name(String),
+    #[error(
+        "cell directory {path} is {len} characters long, at most {MAX_ROOT_LEN} work: set SKILLET_RUNTIME_DIR to a shorter path"
+    )]
+    TooLong { path: PathBuf, len: usize },
+    #[error(
+        "cell directory {path} belongs to another user (uid {uid}): set SKILLET_RUNTIME_DIR to a directory of your own"
+    )]
+    Foreign { path: PathBuf, uid: u32 },
+    #[error("cell '{cell}' has a {role} already: stop it, or choose another cell with --cell")]
+    Busy { cell: String, role: &'static str },
+    #[error("{path}: {source}: check its permissions and free space, or set SKILLET_RUNTIME_DIR")]
+    Io { path: PathBuf, source: std::io::Error },
+}
+
+/// The name of a cell and its private runtime directory.
+#[derive(Clone, Debug)]
+pub struct Cell {
+    name: String,
+    dir: PathBuf,
+}
+
+/// Held while a process plays its role in the cell; the kernel frees it when the process ends.
+#[derive(Debug)]
+pub struct CellLock {
+    _file: File,
+}
+
+impl Cell {
+    /// Checks the name; touches nothing yet.
+    pub fn new(name: &str) -> Result<Cell, CellError> {
+        let allowed = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
+        if name.is_empty() || name.len() > MAX_NAME_LEN || !name.chars().all(allowed) {
+            return Err(CellError::Name(name.to_string()));
+        }
+        let dir = runtime_dir().join(name);
+        let len = dir.as_os_str().len();
+        if len > MAX_ROOT_LEN {
+            return Err(CellError::TooLong { path: dir, len });
+        }
+        Ok(Cell { name: name.to_string(), dir })
+    }
+
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Takes the role, or says who has it. Whoever comes alone clears what a crash left behind:
+    /// a process killed while it creates a service leaves that service unusable for good.
+    pub fn lock(&self, role: Role) -> Result<CellLock, CellError> {
+        self.create_dir()?;
+        let lock = self.try_lock(role)?;
+        let other = match role {
+            Role::Controller => Role::Learner,
+            Role::Learner => Role::Controller,
+        };
+        if self.try_lock(other).is_ok() {
+            self.wipe();
+        }
+        Ok(lock)
+    }
+
+    /// Removes everything the cell shares, unless somebody uses it.
+    pub fn remove_if_idle(&self) {
+        if !self.dir.is_dir() {
+            return;
+        }
+        if let (Ok(_controller), Ok(_learner)) =
+            (self.try_lock(Role::Controller), self.try_lock(Role::Learner))
+        {
+            self.wipe();
+            // Nothing depends on success: the next lock() creates what is missing.
+            let _ = fs::remove_dir_all(&self.dir);
+        }
+    }
+
+    /// iceoryx2 configuration under which only this user and this cell meet.
+    pub(crate) fn ipc_config(&self) -> Config {
+        let mut config = Config::default();
+        let prefix = FileName::new(self.shm_prefix().as_bytes());
+        let root = IpcPath::new(self.ipc_dir().as_os_str().as_encoded_bytes());
+        // Both are valid: new() checked the characters of the name and the length of the path.
+        if let (Ok(prefix), Ok(root)) = (prefix, root) {
+            config.global.prefix = prefix;
+            config.global.set_root_path(&root);
+        }
+        config
+    }
+
+    fn ipc_dir(&self) -> PathBuf {
+        self.dir.join("ipc")
+    }
+
+    fn shm_prefix(&self) -> String {
+        format!("sk{}_{}_", uid(), self.name)
+    }
+
+    fn create_dir(&self) -> Result<(), CellError> {
+        let io = |path: &Path, source| CellError::Io { path: path.to_path_buf(), source };
+        let mut builder = fs::DirBuilder::new();
+        builder.recursive(true).mode(0o700);
+        for dir in [self.dir.parent().unwrap_or(&self.dir), &self.dir] {
+            builder.create(dir).map_err(|e| io(dir, e))?;
+            let owner = fs::metadata(dir).map_err(|e| io(dir, e))?.uid();
+            if owner != uid() {
+                return Err(CellError::Foreign { path: dir.to_path_buf(), uid: owner });
+            }
+        }
+        Ok(())
+    }
+
+    fn try_lock(&self, role: Role) -> Result<CellLock, CellError> {
+        let path = self.dir.join(format!("{}.lock", role.name()));
+        let file = OpenOptions::new()
+            .write(true)
+            .create(true)
+            .truncate(false)
+            .mode(0o600)
+            .open(&path)
+            .map_err(|source| CellError::Io { path, source })?;
+        flock(&file, FlockOperation::NonBlockingLockExclusive)
+            .map_err(|_| CellError::Busy { cell: self.name.clone(), role: role.name() })?;
+        Ok(CellLock { _file: file })
+    }
+
+    /// Deletes the cell's shared memory and service files. Failures are left to the next user of
+    /// the cell: what cannot be deleted now either does no harm or is reported when it is opened.
+    fn wipe(&self) {
+        let _ = fs::remove_dir_all(self.ipc_dir());
+        let prefix = self.shm_prefix();
+        let Ok(entries) = fs::read_dir(SHM_DIR) else { return };
+        for entry in entries.flatten() {
+            if entry.file_name().to_string_lossy().starts_with(&prefix) {
+                let _ = fs::remove_file(entry.path());
+            }
+        }
+    }
+}
+
+fn uid() -> u32 {
+    rustix::process::getuid().as_raw()
+}
+
+fn runtime_dir() -> PathBuf {
+    if let Some(dir) = std::env::var_os("SKILLET_RUNTIME_DIR") {
+        return PathBuf::from(dir);
+    }
+    match std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from) {
+        Some(dir) if dir.is_dir() => dir.join("skillet"),
+        _ => PathBuf::from(format!("/tmp/skillet-{}", uid())),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn refuses_names_that_would_escape_the_runtime_directory() {
+        for name in ["", "../x", "a/b", "Upper", "with space", &"x".repeat(25)] {
+            assert!(matches!(Cell::new(name), Err(CellError::Name(_))), "{name}");
+        }
+    }
+
+    #[test]
+    fn second_controller_is_refused_until_the_first_ends() {
+        let cell = Cell::new(&format!("lock-{}", std::process::id())).unwrap();
+        let first = cell.lock(Role::Controller).unwrap();
+        assert!(matches!(cell.lock(Role::Controller), Err(CellError::Busy { .. })));
+        let learner = cell.lock(Role::Learner).unwrap();
+        drop(first);
+        drop(cell.lock(Role::Controller).unwrap());
+        drop(learner);
+        cell.remove_if_idle();
+        assert!(!cell.dir.exists());
+    }
+}

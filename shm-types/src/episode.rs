@@ -1,0 +1,256 @@
+//! The episode: what one rollout did, as a slice of tick records behind a header.
+
+use iceoryx2::prelude::ZeroCopySend;
+use thiserror::Error;
+
+use crate::{MAX_JOINTS, SCHEMA, TASK_DIM};
+
+/// Longest rollout, in ticks: 4 s at 1 kHz.
+pub const MAX_RECORDS: usize = 4000;
+
+/// Bits of [`TickRecord::flags`].
+pub const FLAG_IN_CONTACT: u32 = 1;
+pub const FLAG_TORQUE_CLIPPED: u32 = 2;
+pub const FLAG_RATE_LIMITED: u32 = 4;
+pub const FLAG_NEAR_JOINT_LIMIT: u32 = 8;
+pub const FLAG_NEAR_SPEED_LIMIT: u32 = 16;
+
+/// Bits of [`OutcomeMsg::flags`].
+pub const OUTCOME_TOSSED: u64 = 1;
+pub const OUTCOME_SUCCESS: u64 = 2;
+pub const OUTCOME_DROPPED: u64 = 4;
+pub const OUTCOME_EXPLOIT: u64 = 8;
+
+message! {
+    /// One tick of a rollout. Wall-clock timing is not in here: records of equal rollouts are
+    /// equal bit for bit.
+    pub struct TickRecord as "skillet/TickRecord/1" {
+        /// Tick of the controller since its start.
+        pub tick: u64,
+        /// Phase of the rollout: 0 Idle, 1 Approach, 2 Execute, 3 Settle.
+        pub phase: u32,
+        /// 0, or why the tick fell back to damped gravity hold.
+        pub fault: u32,
+        /// Time since the start of Execute, s (0 before).
+        pub t_s: f64,
+        /// Joint positions rad, speeds rad/s, commanded torques N·m.
+        pub q: [f64; MAX_JOINTS],
+        pub qd: [f64; MAX_JOINTS],
+        pub tau: [f64; MAX_JOINTS],
+        /// Task coordinates x and ẋ of the pan: m, rad (rotation vector), world frame.
+        pub x: [f64; TASK_DIM],
+        pub xd: [f64; TASK_DIM],
+        /// Σ hᵢ μᵢ.
+        pub attractor: [f64; TASK_DIM],
+        /// Tracked object: position m and unit quaternion (w, i, j, k), world frame.
+        pub object_position: [f64; 3],
+        pub object_quaternion: [f64; 4],
+        /// `FLAG_*`.
+        pub flags: u32,
+        pub reserved: u32,
+    }
+}
+
+message! {
+    /// What the world measured; there is no reward in it. Quantities "at the crossing" are taken
+    /// when the pancake falls back through Δ_h above the pan (Sec. 3.1); zero when it never does.
+    pub struct OutcomeMsg as "skillet/Outcome/1" {
+        /// `OUTCOME_*`.
+        pub flags: u64,
+        pub release_time_s: f64,
+        pub release_speed_m_s: f64,
+        pub release_spin_rad_s: f64,
+        /// Highest rise of the pancake above its start (X₃ᵐᵃˣ), m.
+        pub apex_m: f64,
+        pub crossing_time_s: f64,
+        /// arccos(V₀·V) at the crossing, rad.
+        pub flip_angle_rad: f64,
+        /// ‖X − x‖ at the crossing, m, and its horizontal part.
+        pub distance_m: f64,
+        pub lateral_m: f64,
+        /// Horizontal distance to the centre of the pan at the end, m.
+        pub final_lateral_m: f64,
+    }
+}
+
+message! {
+    /// User header of an episode.
+    pub struct EpisodeHeader as "skillet/EpisodeHeader/1" {
+        pub schema: u64,
+        /// Start of the controller that ran it; with `rollout` it names the episode.
+        pub boot_id: u64,
+        pub session: u64,
+        pub rollout: u64,
+        pub policy_id: u64,
+        /// Echo of [`crate::policy::PolicyMsg::digest`].
+        pub policy_digest: u64,
+        /// First tick of Execute: when the policy took effect.
+        pub applied_tick: u64,
+        pub period_ns: u64,
+        /// Records in use, from the start of the slice.
+        pub n_records: u64,
+        /// First fault of the rollout, or 0.
+        pub fault: u64,
+        pub outcome: OutcomeMsg,
+    }
+}
+
+message! {
+    /// Learner → controller: every rollout of `session` up to this one is durable.
+    pub struct Ack as "skillet/Ack/1" {
+        pub schema: u64,
+        pub session: u64,
+        pub durable_rollout: u64,
+    }
+}
+
+/// Why an episode was refused.
+#[derive(Debug, Error, PartialEq)]
+pub enum EpisodeError {
+    #[error(
+        "schema {found:#x} instead of {SCHEMA:#x}: controller and learner are different builds; restart both from one"
+    )]
+    Schema { found: u64 },
+    #[error(
+        "n_records is {n_records}, but the slice holds {len}: the controller is broken or hostile; episode ignored"
+    )]
+    Length { n_records: u64, len: usize },
+    #[error("outcome field {field} is {value}: it must be finite; episode ignored")]
+    Outcome { field: &'static str, value: f64 },
+    #[error("record {record} holds a value that is not finite; episode ignored")]
+    Record { record: usize },
+}
+
+impl OutcomeMsg {
+    pub const ZERO: OutcomeMsg = OutcomeMsg {
+        flags: 0,
+        release_time_s: 0.0,
+        release_speed_m_s: 0.0,
+        release_spin_rad_s: 0.0,
+        apex_m: 0.0,
+        crossing_time_s: 0.0,
+        flip_angle_rad: 0.0,
+        distance_m: 0.0,
+        lateral_m: 0.0,
+        final_lateral_m: 0.0,
+    };
+
+    pub fn has(&self, flag: u64) -> bool {
+        self.flags & flag != 0
+    }
+
+    /// Every measured quantity with its name, for checks and for people.
+    pub fn fields(&self) -> [(&'static str, f64); 9] {
+        [
+            ("release_time_s", self.release_time_s),
+            ("release_speed_m_s", self.release_speed_m_s),
+            ("release_spin_rad_s", self.release_spin_rad_s),
+            ("apex_m", self.apex_m),
+            ("crossing_time_s", self.crossing_time_s),
+            ("flip_angle_rad", self.flip_angle_rad),
+            ("distance_m", self.distance_m),
+            ("lateral_m", self.lateral_m),
+            ("final_lateral_m", self.final_lateral_m),
+        ]
+    }
+}
+
+impl TickRecord {
+    pub const ZERO: TickRecord = TickRecord {
+        tick: 0,
+        phase: 0,
+        fault: 0,
+        t_s: 0.0,
+        q: [0.0; MAX_JOINTS],
+        qd: [0.0; MAX_JOINTS],
+        tau: [0.0; MAX_JOINTS],
+        x: [0.0; TASK_DIM],
+        xd: [0.0; TASK_DIM],
+        attractor: [0.0; TASK_DIM],
+        object_position: [0.0; 3],
+        object_quaternion: [1.0, 0.0, 0.0, 0.0],
+        flags: 0,
+        reserved: 0,
+    };
+
+    fn is_finite(&self) -> bool {
+        let joints = self.q.iter().chain(&self.qd).chain(&self.tau);
+        let task = self.x.iter().chain(&self.xd).chain(&self.attractor);
+        let object = self.object_position.iter().chain(&self.object_quaternion);
+        self.t_s.is_finite() && joints.chain(task).chain(object).all(|value| value.is_finite())
+    }
+}
+
+impl Default for TickRecord {
+    fn default() -> Self {
+        Self::ZERO
+    }
+}
+
+impl Default for EpisodeHeader {
+    fn default() -> Self {
+        EpisodeHeader {
+            schema: SCHEMA,
+            boot_id: 0,
+            session: 0,
+            rollout: 0,
+            policy_id: 0,
+            policy_digest: 0,
+            applied_tick: 0,
+            period_ns: 0,
+            n_records: 0,
+            fault: 0,
+            outcome: OutcomeMsg::ZERO,
+        }
+    }
+}
+
+impl EpisodeHeader {
+    /// Checks header and records, and returns the records in use.
+    pub fn validate<'a>(
+        &self,
+        records: &'a [TickRecord],
+    ) -> Result<&'a [TickRecord], EpisodeError> {
+        if self.schema != SCHEMA {
+            return Err(EpisodeError::Schema { found: self.schema });
+        }
+        let used = usize::try_from(self.n_records)
+            .ok()
+            .and_then(|n| records.get(..n))
+            .ok_or(EpisodeError::Length { n_records: self.n_records, len: records.len() })?;
+        for (field, value) in self.outcome.fields() {
+            if !value.is_finite() {
+                return Err(EpisodeError::Outcome { field, value });
+            }
+        }
+        match used.iter().position(|record| !record.is_finite()) {
+            Some(record) => Err(EpisodeError::Record { record }),
+            None => Ok(used),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn refuses_what_a_receiver_must_not_use() {
+        let mut records = vec![TickRecord::ZERO; 3];
+        let header = EpisodeHeader { n_records: 2, ..Default::default() };
+        assert_eq!(header.validate(&records).map(<[_]>::len), Ok(2));
+
+        let long = EpisodeHeader { n_records: 4, ..header };
+        assert_eq!(long.validate(&records), Err(EpisodeError::Length { n_records: 4, len: 3 }));
+        let foreign = EpisodeHeader { schema: 7, ..header };
+        assert_eq!(foreign.validate(&records), Err(EpisodeError::Schema { found: 7 }));
+        let mut unmeasured = header;
+        unmeasured.outcome.apex_m = f64::NAN;
+        assert!(matches!(
+            unmeasured.validate(&records),
+            Err(EpisodeError::Outcome { field: "apex_m", .. })
+        ));
+        records[1].tau[6] = f64::INFINITY;
+        assert_eq!(header.validate(&records), Err(EpisodeError::Record { record: 1 }));
+    }
+}

@@ -1,0 +1,27 @@
+//! The contract between the controller and the learner: plain data and the doors it passes.
+//!
+//! Every message is `#[repr(C)]`, versioned by its type name and by [`SCHEMA`], and validated by
+//! whoever receives it. No mathematics and no policy logic live here.
+
+#![allow(unsafe_code)] // only what the ZeroCopySend derive expands to
+mod schema;
+#[macro_use]
+mod message;
+
+pub mod cell;
+pub mod channel;
+pub mod command;
+pub mod episode;
+pub mod policy;
+pub mod telemetry;
+
+pub use schema::{Digest, SCHEMA};
+
+/// Joints of the largest arm a message can carry.
+pub const MAX_JOINTS: usize = 7;
+/// Task coordinates in the order x, y, z, pitch, roll, yaw (m and rad).
+pub const TASK_DIM: usize = 6;
+/// Attractors of the largest policy a message can carry.
+pub const MAX_COMPONENTS: usize = 16;
+/// Entries of a packed lower triangle of a 6×6 matrix.
+pub const PACKED: usize = TASK_DIM * (TASK_DIM + 1) / 2;

@@ -1,0 +1,25 @@
+//! `message!` writes a message struct and keeps its layout as text, for [`crate::SCHEMA`].
+
+macro_rules! message {
+    (
+        $(#[$meta:meta])*
+        pub struct $name:ident as $type_name:literal {
+            $( $(#[$field_meta:meta])* pub $field:ident : $type:ty ),* $(,)?
+        }
+    ) => {
+        $(#[$meta])*
+        #[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
+        #[repr(C)]
+        #[type_name($type_name)]
+        pub struct $name {
+            $( $(#[$field_meta])* pub $field: $type, )*
+        }
+
+        impl $name {
+            /// Type name, then name and type of every field in order.
+            pub const LAYOUT: &'static str = concat!(
+                $type_name, "{", $( stringify!($field), ":", stringify!($type), ";", )* "}"
+            );
+        }
+    };
+}

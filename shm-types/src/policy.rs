@@ -1,0 +1,263 @@
+//! The policy message: physical parameters {μᵢ, Kᵢ, κᵛ, activations} of Eq. (5), and the rollout
+//! that asks for them to be executed once.
+
+use iceoryx2::prelude::ZeroCopySend;
+use thiserror::Error;
+
+use crate::{Digest, MAX_COMPONENTS, PACKED, SCHEMA, TASK_DIM};
+
+/// `activation` when hᵢ is driven by the time since the start of the rollout.
+pub const ACTIVATION_TIME: u32 = 0;
+/// `activation` when hᵢ is driven by s = exp(−decay_rate·t), the canonical system of Eq. (3).
+pub const ACTIVATION_DECAY: u32 = 1;
+
+message! {
+    /// One virtual spring of Eq. (5).
+    pub struct Component as "skillet/Component/1" {
+        /// Centre of the activation: seconds, or s ∈ (0, 1] when driven by decay.
+        pub center: f64,
+        /// Standard deviation of the activation, in the unit of `center`.
+        pub width: f64,
+        /// μᵢ: x, y, z, pitch, roll, yaw in m and rad, world frame. Coordinates from `task_dim` on
+        /// are not learnt; they are the reference of the orientation controller.
+        pub attractor: [f64; TASK_DIM],
+        /// Kᵢ: packed lower triangle by rows of the leading `task_dim`×`task_dim` block, s⁻².
+        pub stiffness: [f64; PACKED],
+    }
+}
+
+message! {
+    /// A policy and the rollout it is meant for. `digest` guards the physical parameters and is
+    /// echoed by the episode, so that a reward never reaches a θ it does not belong to.
+    pub struct PolicyMsg as "skillet/Policy/1" {
+        pub schema: u64,
+        pub digest: u64,
+        /// Session that asks; an episode carries it back.
+        pub session: u64,
+        /// Rollout number within the session, from 1.
+        pub rollout: u64,
+        /// Version of the policy within the session.
+        pub policy_id: u64,
+        /// Learnt coordinates: 3 (position), 4 (and pitch) or 6 (and roll, yaw).
+        pub task_dim: u32,
+        pub n_components: u32,
+        /// [`ACTIVATION_TIME`] or [`ACTIVATION_DECAY`].
+        pub activation: u32,
+        pub reserved: u32,
+        /// Length of the Execute phase, s.
+        pub duration_s: f64,
+        /// Rate of the decay activation, s⁻¹ (0 when driven by time).
+        pub decay_rate: f64,
+        /// κᵛ, s⁻¹.
+        pub damping: f64,
+        /// Gains of the coordinates that are not learnt: resolved acceleration, s⁻² and s⁻¹.
+        pub orientation_stiffness: f64,
+        pub orientation_damping: f64,
+        pub components: [Component; MAX_COMPONENTS],
+    }
+}
+
+/// Why a policy message was refused.
+#[derive(Debug, Error, PartialEq)]
+pub enum PolicyMsgError {
+    #[error(
+        "schema {found:#x} instead of {SCHEMA:#x}: learner and controller are different builds; restart both from one"
+    )]
+    Schema { found: u64 },
+    #[error(
+        "digest does not match the parameters: the message is torn or was changed after sealing; send it again"
+    )]
+    Digest,
+    #[error("task_dim is {0}: use 3 (position), 4 (and pitch) or 6 (and roll, yaw)")]
+    TaskDim(u32),
+    #[error("n_components is {0}: use 1 to {MAX_COMPONENTS}")]
+    Components(u32),
+    #[error("activation is {0}: use {ACTIVATION_TIME} (time) or {ACTIVATION_DECAY} (decay)")]
+    Activation(u32),
+    #[error("{field} is {value}: it must be finite and within {min}..={max}")]
+    Range { field: &'static str, value: f64, min: f64, max: f64 },
+    #[error(
+        "component {component}: {field} is {value}: it must be finite and within {min}..={max}"
+    )]
+    ComponentRange { component: usize, field: &'static str, value: f64, min: f64, max: f64 },
+}
+
+impl Component {
+    pub const ZERO: Component =
+        Component { center: 0.0, width: 1.0, attractor: [0.0; TASK_DIM], stiffness: [0.0; PACKED] };
+
+    /// Entry (row, column) of the symmetric Kᵢ.
+    pub fn stiffness_at(&self, row: usize, column: usize) -> f64 {
+        self.stiffness[packed_index(row, column)]
+    }
+}
+
+/// Index of entry (row, column) of a symmetric matrix in its packed lower triangle.
+pub const fn packed_index(row: usize, column: usize) -> usize {
+    let (r, c) = if row >= column { (row, column) } else { (column, row) };
+    r * (r + 1) / 2 + c
+}
+
+impl PolicyMsg {
+    /// An unsealed message without components.
+    pub const EMPTY: PolicyMsg = PolicyMsg {
+        schema: SCHEMA,
+        digest: 0,
+        session: 0,
+        rollout: 0,
+        policy_id: 0,
+        task_dim: 3,
+        n_components: 0,
+        activation: ACTIVATION_TIME,
+        reserved: 0,
+        duration_s: 1.0,
+        decay_rate: 0.0,
+        damping: 0.0,
+        orientation_stiffness: 0.0,
+        orientation_damping: 0.0,
+        components: [Component::ZERO; MAX_COMPONENTS],
+    };
+
+    /// Hash of the physical parameters (not of who asks for them).
+    pub fn compute_digest(&self) -> u64 {
+        let mut digest = Digest::new()
+            .u64(u64::from(self.task_dim))
+            .u64(u64::from(self.n_components))
+            .u64(u64::from(self.activation))
+            .f64(self.duration_s)
+            .f64(self.decay_rate)
+            .f64(self.damping)
+            .f64(self.orientation_stiffness)
+            .f64(self.orientation_damping);
+        for component in &self.components {
+            digest = digest.f64(component.center).f64(component.width);
+            for value in component.attractor.iter().chain(&component.stiffness) {
+                digest = digest.f64(*value);
+            }
+        }
+        digest.finish()
+    }
+
+    /// Sets schema and digest; call last, before sending.
+    pub fn sealed(mut self) -> Self {
+        self.schema = SCHEMA;
+        self.digest = self.compute_digest();
+        self
+    }
+
+    /// The components in use. Call only on a validated message.
+    pub fn components(&self) -> &[Component] {
+        &self.components[..(self.n_components as usize).min(MAX_COMPONENTS)]
+    }
+
+    /// Structure, finiteness and coarse bounds. Positive definiteness and the arm's own bounds are
+    /// the controller's admission check.
+    pub fn validate(&self) -> Result<(), PolicyMsgError> {
+        if self.schema != SCHEMA {
+            return Err(PolicyMsgError::Schema { found: self.schema });
+        }
+        if !matches!(self.task_dim, 3 | 4 | 6) {
+            return Err(PolicyMsgError::TaskDim(self.task_dim));
+        }
+        if self.n_components == 0 || self.n_components as usize > MAX_COMPONENTS {
+            return Err(PolicyMsgError::Components(self.n_components));
+        }
+        if self.activation > ACTIVATION_DECAY {
+            return Err(PolicyMsgError::Activation(self.activation));
+        }
+        if self.digest != self.compute_digest() {
+            return Err(PolicyMsgError::Digest);
+        }
+        let decay_min = if self.activation == ACTIVATION_DECAY { 1e-3 } else { 0.0 };
+        for (field, value, min, max) in [
+            ("duration_s", self.duration_s, 0.05, 30.0),
+            ("decay_rate", self.decay_rate, decay_min, 1e3),
+            ("damping", self.damping, 0.0, 1e3),
+            ("orientation_stiffness", self.orientation_stiffness, 0.0, 1e5),
+            ("orientation_damping", self.orientation_damping, 0.0, 1e3),
+        ] {
+            if !(min..=max).contains(&value) {
+                return Err(PolicyMsgError::Range { field, value, min, max });
+            }
+        }
+        for (i, component) in self.components().iter().enumerate() {
+            component.validate(i)?;
+        }
+        Ok(())
+    }
+}
+
+impl Component {
+    fn validate(&self, component: usize) -> Result<(), PolicyMsgError> {
+        let check = |field, value: f64, min: f64, max: f64| {
+            if (min..=max).contains(&value) {
+                Ok(())
+            } else {
+                Err(PolicyMsgError::ComponentRange { component, field, value, min, max })
+            }
+        };
+        check("center", self.center, -30.0, 60.0)?;
+        check("width", self.width, 1e-4, 30.0)?;
+        for value in self.attractor {
+            check("attractor", value, -100.0, 100.0)?;
+        }
+        for value in self.stiffness {
+            check("stiffness", value, -1e6, 1e6)?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn valid() -> PolicyMsg {
+        let mut policy = PolicyMsg { task_dim: 4, n_components: 8, ..PolicyMsg::EMPTY };
+        policy.damping = 28.0;
+        policy.sealed()
+    }
+
+    #[test]
+    fn accepts_a_sealed_policy_and_refuses_each_broken_field() {
+        assert_eq!(valid().validate(), Ok(()));
+        type Break = fn(&mut PolicyMsg);
+        let breaks: [(&str, Break); 8] = [
+            ("task_dim", |p| p.task_dim = 5),
+            ("n_components", |p| p.n_components = 17),
+            ("n_components", |p| p.n_components = 0),
+            ("activation", |p| p.activation = 2),
+            ("duration_s", |p| p.duration_s = f64::NAN),
+            ("damping", |p| p.damping = -1.0),
+            ("attractor", |p| p.components[7].attractor[5] = f64::INFINITY),
+            ("width", |p| p.components[0].width = 0.0),
+        ];
+        for (field, break_it) in breaks {
+            let mut policy = valid();
+            break_it(&mut policy);
+            let error = policy.sealed().validate().expect_err(field).to_string();
+            assert!(error.contains(field), "{field}: {error}");
+        }
+    }
+
+    #[test]
+    fn refuses_another_schema_and_a_change_after_sealing() {
+        let other = PolicyMsg { schema: 1, ..valid() };
+        assert_eq!(other.validate(), Err(PolicyMsgError::Schema { found: 1 }));
+        let mut torn = valid();
+        torn.components[3].attractor[0] = 0.1;
+        assert_eq!(torn.validate(), Err(PolicyMsgError::Digest));
+    }
+
+    #[test]
+    fn packed_index_is_symmetric_and_dense() {
+        let mut seen = [0; PACKED];
+        for row in 0..TASK_DIM {
+            for column in 0..=row {
+                assert_eq!(packed_index(row, column), packed_index(column, row));
+                seen[packed_index(row, column)] += 1;
+            }
+        }
+        assert_eq!(seen, [1; PACKED]);
+    }
+}
