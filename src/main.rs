@@ -1,1 +1,45 @@
-fn main() {}
+//! `skillet`: parse → run → exit code. No mathematics and no transport details in this crate.
+
+mod children;
+mod cli;
+mod commands;
+mod config;
+mod log;
+mod progress;
+#[path = "/tmp/stash/report_stub.rs"]
+mod report;
+mod session_folder;
+mod setup;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+use cli::{Cli, Verb};
+
+/// How a command ended: 0 done, 1 a negative verdict, 2 an error.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Verdict {
+    Done,
+    Negative,
+}
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let result = match &cli.verb {
+        Verb::Learn(args) => commands::learn::run(args),
+        Verb::Controller(args) => commands::controller::run(args),
+        Verb::Learner(args) => commands::learner::run(args),
+        Verb::Status(args) => commands::status::run(args),
+        Verb::Policy(args) => commands::policy::run(args),
+        Verb::Report(args) => commands::report::run(args),
+        Verb::Config(args) => commands::config::run(args),
+    };
+    match result {
+        Ok(Verdict::Done) => ExitCode::SUCCESS,
+        Ok(Verdict::Negative) => ExitCode::from(1),
+        Err(error) => {
+            eprintln!("skillet: {error:#}");
+            ExitCode::from(2)
+        }
+    }
+}

@@ -1,1 +1,27 @@
+//! The learner: improves a compliant policy from the outcomes of its rollouts.
+//!
+//! It knows messages ([`shm_types`]), rewards and search; it links no simulator and no controller.
+//! Everything is a pure function of configuration, seed and stored trials: equal inputs give equal
+//! bits, and a stopped session continues as if it had never stopped.
 
+#![forbid(unsafe_code)]
+
+pub mod activation;
+pub mod config;
+pub mod demonstration;
+pub mod initial_policy;
+pub mod learner;
+pub mod parameters;
+pub mod path;
+pub mod policy_json;
+pub mod reward;
+pub mod search;
+pub mod session;
+pub mod store;
+pub mod summary;
+pub mod trajectory;
+pub mod trial;
+
+pub use config::LearnerConfig;
+pub use demonstration::Demonstration;
+pub use learner::Learner;

@@ -10,7 +10,8 @@ use crate::arm::JointVector;
 pub struct ObjectState {
     /// Centre of the object in the world, m.
     pub p_WO: Vector3<f64>,
-    /// Orientation of the object in the world; a pancake's normal is its z axis.
+    /// Orientation of the object in the world. A pancake's normal is its z axis, which points
+    /// away from the pan at the start.
     pub R_WO: UnitQuaternion<f64>,
     /// True while the object touches the pan. It flickers when the object is nearly weightless.
     pub in_contact: bool,

@@ -15,7 +15,7 @@ message! {
         /// Wake-up after the deadline, and time spent in the tick itself (without the plant), ns.
         pub wakeup_ns: u64,
         pub tick_ns: u64,
-        /// 1 when the deadline of this tick was missed.
+        /// Deadlines missed since the loop began.
         pub missed: u64,
         pub q: [f64; MAX_JOINTS],
         pub tau: [f64; MAX_JOINTS],

@@ -14,12 +14,7 @@ use super::{JointMatrix, JointVector, MAX_JOINTS};
 /// Outwards the motion of every body, gravity entering as an upward acceleration of the base;
 /// inwards the force f and the moment n about the joint:
 /// F = m·a_cm, N = I·α + ω × I·ω, τ_i = z_i · n_i.
-pub fn rnea(
-    model: &ArmModel,
-    q: &JointVector,
-    qd: &JointVector,
-    qdd: &JointVector,
-) -> JointVector {
+pub fn rnea(model: &ArmModel, q: &JointVector, qd: &JointVector, qdd: &JointVector) -> JointVector {
     let frames = BodyFrames::new(model, q);
     let mut force = [Vector3::zeros(); MAX_JOINTS];
     let mut moment = [Vector3::zeros(); MAX_JOINTS];
@@ -87,26 +82,30 @@ pub fn gravity_torque(model: &ArmModel, q: &JointVector) -> JointVector {
 /// f = m·v + ω × h, n = I·ω + h × v. Then M_ij = z_j·n_i + v_j·f_i for j ≤ i.
 pub fn mass_matrix(model: &ArmModel, q: &JointVector) -> JointMatrix {
     let frames = BodyFrames::new(model, q);
+    let mut z = [Vector3::zeros(); MAX_JOINTS];
+    let mut v = [Vector3::zeros(); MAX_JOINTS];
+    for i in 0..model.n_joints() {
+        z[i] = frames.axis(i);
+        v[i] = frames.p_WB[i].cross(&z[i]);
+    }
+
     let mut M = JointMatrix::identity();
     let mut mass = 0.0;
     let mut h = Vector3::zeros();
     let mut inertia = Matrix3::zeros();
     for (i, body) in model.bodies().iter().enumerate().rev() {
-        let (R, z) = (&frames.R_WB[i], frames.axis(i));
+        let R = &frames.R_WB[i];
         let c = frames.p_WB[i] + R * body.p_BBcm;
         mass += body.mass;
         h += c * body.mass;
         inertia += (R * body.I_BBcm) * R.transpose()
             + (Matrix3::from_diagonal_element(c.norm_squared()) - c * c.transpose()) * body.mass;
 
-        let v = frames.p_WB[i].cross(&z);
-        let f = v * mass + z.cross(&h);
-        let n = inertia * z + h.cross(&v);
+        let f = v[i] * mass + z[i].cross(&h);
+        let n = inertia * z[i] + h.cross(&v[i]);
         for j in 0..=i {
-            // z_j·n + (p_j × z_j)·f, the second term as a triple product.
-            let M_ij = frames.axis(j).dot(&(n + f.cross(&frames.p_WB[j])));
-            M[(i, j)] = M_ij;
-            M[(j, i)] = M_ij;
+            M[(i, j)] = z[j].dot(&n) + v[j].dot(&f);
+            M[(j, i)] = M[(i, j)];
         }
     }
     M

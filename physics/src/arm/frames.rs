@@ -19,11 +19,11 @@ impl BodyFrames {
             R_WB: [Matrix3::identity(); MAX_JOINTS],
             p_WB: [Vector3::zeros(); MAX_JOINTS],
         };
-        let mut R_WA = Matrix3::identity();
-        let mut p_WA = Vector3::zeros();
+        let mut R_WA: Matrix3<f64> = Matrix3::identity();
+        let mut p_WA: Vector3<f64> = Vector3::zeros();
         for (i, body) in model.bodies().iter().enumerate() {
             let (sin, cos) = q[i].sin_cos();
-            let R_WB0 = R_WA * body.R_AB0;
+            let R_WB0: Matrix3<f64> = R_WA * body.R_AB0;
             let (x, y, z) = (R_WB0.column(0), R_WB0.column(1), R_WB0.column(2));
             p_WA += R_WA * body.p_AB;
             R_WA = Matrix3::from_columns(&[x * cos + y * sin, y * cos - x * sin, z.into()]);

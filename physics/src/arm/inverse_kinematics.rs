@@ -67,7 +67,12 @@ pub fn solve(
 }
 
 /// The damped least-squares step, without the joints that a limit holds back.
-fn step(model: &ArmModel, q: &JointVector, error: &Vector6<f64>, lambda_squared: f64) -> JointVector {
+fn step(
+    model: &ArmModel,
+    q: &JointVector,
+    error: &Vector6<f64>,
+    lambda_squared: f64,
+) -> JointVector {
     let mut J: Jacobian = TipKinematics::new(model, q, &JointVector::zeros()).J;
     let limits = model.limits();
     // Each joint can be taken out at most once.

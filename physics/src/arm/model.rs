@@ -61,9 +61,6 @@ pub struct ArmModel {
 }
 
 impl ArmModel {
-    /// Gravity in the world, m/s². The mount is level: URDF has no element to say otherwise.
-    pub const GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
-
     /// Reads an arm from URDF text; `tip` names the link whose frame becomes the task frame.
     ///
     /// The chain is the path from the root link to `tip`. Links held by fixed joints are merged
@@ -102,9 +99,9 @@ impl ArmModel {
         &self.limits
     }
 
-    /// Gravity in the world, m/s².
+    /// Gravity in the world, m/s². The mount is level: URDF has no element to say otherwise.
     pub fn gravity(&self) -> Vector3<f64> {
-        Self::GRAVITY
+        Vector3::new(0.0, 0.0, -9.81)
     }
 
     /// The moving bodies from the base to the tip, `n_joints` of them.

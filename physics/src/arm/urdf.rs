@@ -53,7 +53,9 @@ pub enum UrdfError {
     )]
     TooManyJoints(usize),
     /// A moving body has no mass at all.
-    #[error("link \"{0}\" moves but has no inertia; give it an <inertial> with its mass and tensor")]
+    #[error(
+        "link \"{0}\" moves but has no inertia; give it an <inertial> with its mass and tensor"
+    )]
     NoInertia(String),
     /// A mass is zero or negative.
     #[error("link \"{link}\" has mass {mass} kg; it must be greater than zero")]
@@ -139,7 +141,9 @@ fn read_limits(joint: &Joint, i: usize, limits: &mut JointLimits) -> Result<(), 
         return Err(invalid("a limit is missing or not finite"));
     }
     if limit.lower >= limit.upper {
-        return Err(invalid("the lower position limit is not below the upper one"));
+        return Err(invalid(
+            "the position limits are missing or the lower one is not below the upper one",
+        ));
     }
     if limit.effort <= 0.0 {
         return Err(invalid("the effort limit is missing or not above zero"));

@@ -1,1 +1,8 @@
 //! The simulated world: Rapier in f64, with the arm as a reduced-coordinate multibody.
+
+mod arm;
+pub mod convert;
+mod world;
+
+pub use arm::RapierArm;
+pub use world::{ContactSoftness, new_world};

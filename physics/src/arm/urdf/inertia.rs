@@ -79,8 +79,7 @@ fn in_body(placement: &Placement) -> Result<Option<MassProperties>, UrdfError> {
 
 /// A body's principal moments are positive and none exceeds the sum of the other two.
 fn check_tensor(link: &Link, I_cm: &Matrix3<f64>) -> Result<(), UrdfError> {
-    let impossible =
-        |reason| Err(UrdfError::ImpossibleInertia { link: link.name.clone(), reason });
+    let impossible = |reason| Err(UrdfError::ImpossibleInertia { link: link.name.clone(), reason });
     let moments = I_cm.symmetric_eigenvalues();
     // Published tensors are rounded: a flat body may miss the bound in the last digits.
     let tolerance = 1e-6 * moments.sum().abs();

@@ -27,7 +27,10 @@ pub(super) struct Placement<'a> {
 }
 
 /// The placement of a link that is known to exist.
-pub(super) fn placement_of<'p, 'a>(name: &str, placements: &'p [Placement<'a>]) -> &'p Placement<'a> {
+pub(super) fn placement_of<'p, 'a>(
+    name: &str,
+    placements: &'p [Placement<'a>],
+) -> &'p Placement<'a> {
     placements.iter().find(|p| p.link.name == name).expect("every link of the tree is placed")
 }
 

@@ -1,0 +1,253 @@
+//! `[learner]` of the configuration file: every setting of a session, with defaults and ranges.
+
+use serde::{Deserialize, Serialize};
+use shm_types::MAX_COMPONENTS;
+use thiserror::Error;
+
+use crate::activation::Activation;
+use crate::initial_policy::InitialPolicyConfig;
+use crate::parameters::{STIFFNESS_MAX, STIFFNESS_MIN, Scales};
+use crate::reward::RewardConfig;
+use crate::search::power::PowerConfig;
+use crate::search::random::RandomConfig;
+
+/// Which search proposes the policies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Method {
+    /// PoWER with covariance adaptation, Eqs. (1) and (6).
+    Power,
+    /// Random search around the demonstration.
+    Random,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LearnerConfig {
+    /// Rollouts after which the session is done; may be raised when it is resumed.
+    pub rollouts: u64,
+    pub seed: u64,
+    /// Learnt coordinates: 3 (position), 4 (and pitch) or 6 (and roll, yaw).
+    pub task_dim: usize,
+    pub n_components: usize,
+    /// κᴾ of the initial policy, s⁻².
+    pub kappa_p: f64,
+    pub activation: Activation,
+    /// α of the decay activation, s⁻¹.
+    pub decay_rate: f64,
+    /// σ of an activation relative to the spacing of the centres.
+    pub width_ratio: f64,
+    /// Gains of the coordinates that are not learnt, s⁻² and s⁻¹.
+    pub orientation_stiffness: f64,
+    pub orientation_damping: f64,
+    pub scales: Scales,
+    pub method: Method,
+    pub power: PowerConfig,
+    pub random: RandomConfig,
+    pub reward: RewardConfig,
+}
+
+impl Default for LearnerConfig {
+    fn default() -> Self {
+        let policy = InitialPolicyConfig::default();
+        LearnerConfig {
+            rollouts: 100,
+            seed: 0,
+            task_dim: policy.task_dim,
+            n_components: policy.n_components,
+            kappa_p: policy.kappa_p,
+            activation: policy.activation,
+            decay_rate: policy.decay_rate,
+            width_ratio: policy.width_ratio,
+            orientation_stiffness: policy.orientation_stiffness,
+            orientation_damping: policy.orientation_damping,
+            scales: Scales::default(),
+            method: Method::Power,
+            power: PowerConfig::default(),
+            random: RandomConfig::default(),
+            reward: RewardConfig::default(),
+        }
+    }
+}
+
+/// A setting outside its range, or changed under a running session.
+#[derive(Debug, Error, PartialEq)]
+pub enum ConfigError {
+    #[error("learner.{field} is {value}: use {allowed}")]
+    Range { field: String, value: String, allowed: String },
+    #[error(
+        "learner.{field} is {found}, but the session was started with {stored}: resume it with its \
+         own configuration, or start another one with --out"
+    )]
+    Changed { field: String, found: String, stored: String },
+}
+
+impl LearnerConfig {
+    /// Every field within its range.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        if !matches!(self.task_dim, 3 | 4 | 6) {
+            return Err(ConfigError::Range {
+                field: "task_dim".into(),
+                value: self.task_dim.to_string(),
+                allowed: "3 (position), 4 (and pitch) or 6 (and roll, yaw)".into(),
+            });
+        }
+        for (field, value, min, max) in [
+            ("rollouts", self.rollouts, 1, 100_000),
+            ("n_components", self.n_components as u64, 1, MAX_COMPONENTS as u64),
+            ("power.n_elites", self.power.n_elites as u64, 1, 10_000),
+            ("power.n_initial", self.power.n_initial, 0, 10_000),
+        ] {
+            check(field, value, min, max)?;
+        }
+        for (field, value, min, max) in [
+            ("kappa_p", self.kappa_p, STIFFNESS_MIN, STIFFNESS_MAX),
+            ("decay_rate", self.decay_rate, 0.01, 100.0),
+            ("width_ratio", self.width_ratio, 0.1, 3.0),
+            ("orientation_stiffness", self.orientation_stiffness, 0.0, 1e5),
+            ("orientation_damping", self.orientation_damping, 0.0, 1e3),
+            ("scales.position_m", self.scales.position_m, 1e-4, 1.0),
+            ("scales.angle_rad", self.scales.angle_rad, 1e-4, 3.0),
+            ("scales.log_stiffness", self.scales.log_stiffness, 1e-4, 3.0),
+            ("power.initial_std", self.power.initial_std, 0.0, 100.0),
+            ("power.floor_std", self.power.floor_std, 0.0, 100.0),
+            ("power.floor_decay", self.power.floor_decay, 0.5, 1.0),
+            ("power.floor_min", self.power.floor_min, 0.0, self.power.floor_std),
+            ("random.std", self.random.std, 0.0, 100.0),
+            ("reward.w1", self.reward.w1, 0.0, 100.0),
+            ("reward.w2", self.reward.w2, 0.0, 100.0),
+            ("reward.w3", self.reward.w3, 0.0, 100.0),
+        ] {
+            check(field, value, min, max)?;
+        }
+        Ok(())
+    }
+
+    /// The part that shapes the initial policy.
+    pub fn initial_policy(&self) -> InitialPolicyConfig {
+        InitialPolicyConfig {
+            task_dim: self.task_dim,
+            n_components: self.n_components,
+            kappa_p: self.kappa_p,
+            activation: self.activation,
+            decay_rate: self.decay_rate,
+            width_ratio: self.width_ratio,
+            orientation_stiffness: self.orientation_stiffness,
+            orientation_damping: self.orientation_damping,
+        }
+    }
+
+    /// That a session started with `stored` may go on with `self`: everything is equal except the
+    /// number of rollouts, which no proposal depends on.
+    pub fn check_resumes(&self, stored: &LearnerConfig) -> Result<(), ConfigError> {
+        let found = LearnerConfig { rollouts: stored.rollouts, ..self.clone() };
+        match first_difference("", &to_json(&found), &to_json(stored)) {
+            Some((field, found, stored)) => Err(ConfigError::Changed { field, found, stored }),
+            None => Ok(()),
+        }
+    }
+}
+
+fn check<T>(field: &str, value: T, min: T, max: T) -> Result<(), ConfigError>
+where
+    T: PartialOrd + std::fmt::Display,
+{
+    if (&min..=&max).contains(&&value) {
+        return Ok(());
+    }
+    Err(ConfigError::Range {
+        field: field.into(),
+        value: value.to_string(),
+        allowed: format!("{min} to {max}"),
+    })
+}
+
+fn to_json(config: &LearnerConfig) -> serde_json::Value {
+    serde_json::to_value(config).expect("a configuration is plain data")
+}
+
+/// Name and both values of the first field, in alphabetical order, that differs.
+fn first_difference(
+    prefix: &str,
+    found: &serde_json::Value,
+    stored: &serde_json::Value,
+) -> Option<(String, String, String)> {
+    match (found.as_object(), stored.as_object()) {
+        (Some(found), Some(stored)) => found.iter().find_map(|(key, value)| {
+            let field = if prefix.is_empty() { key.clone() } else { format!("{prefix}.{key}") };
+            first_difference(&field, value, &stored[key])
+        }),
+        _ if found == stored => None,
+        _ => Some((prefix.into(), found.to_string(), stored.to_string())),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn defaults_are_valid_and_survive_a_round_trip() {
+        let config = LearnerConfig::default();
+        assert_eq!(config.validate(), Ok(()));
+        let text = serde_json::to_string(&config).unwrap();
+        assert_eq!(serde_json::from_str::<LearnerConfig>(&text).unwrap(), config);
+        assert_eq!(serde_json::from_str::<LearnerConfig>("{}").unwrap(), config);
+    }
+
+    #[test]
+    fn refuses_each_bad_value_and_names_it() {
+        type Break = fn(&mut LearnerConfig);
+        let breaks: [(&str, Break); 16] = [
+            ("learner.task_dim is 5: use 3", |c| c.task_dim = 5),
+            ("learner.rollouts is 0: use 1 to 100000", |c| c.rollouts = 0),
+            ("learner.n_components is 17: use 1 to 16", |c| c.n_components = 17),
+            ("learner.kappa_p is NaN", |c| c.kappa_p = f64::NAN),
+            ("learner.decay_rate is 0", |c| c.decay_rate = 0.0),
+            ("learner.width_ratio is -1", |c| c.width_ratio = -1.0),
+            ("learner.orientation_stiffness", |c| c.orientation_stiffness = -1.0),
+            ("learner.orientation_damping", |c| c.orientation_damping = f64::INFINITY),
+            ("learner.scales.position_m is 0", |c| c.scales.position_m = 0.0),
+            ("learner.power.n_elites is 0", |c| c.power.n_elites = 0),
+            ("learner.power.n_initial", |c| c.power.n_initial = 20_000),
+            ("learner.power.initial_std", |c| c.power.initial_std = -0.5),
+            ("learner.power.floor_decay is 1.1", |c| c.power.floor_decay = 1.1),
+            ("learner.power.floor_min is 0.3: use 0 to 0.2", |c| c.power.floor_min = 0.3),
+            ("learner.random.std", |c| c.random.std = f64::NAN),
+            ("learner.reward.w2 is -1", |c| c.reward.w2 = -1.0),
+        ];
+        for (expected, break_it) in breaks {
+            let mut config = LearnerConfig::default();
+            break_it(&mut config);
+            let message = config.validate().expect_err(expected).to_string();
+            assert!(message.contains(expected), "{message:?} lacks {expected:?}");
+        }
+    }
+
+    #[test]
+    fn refuses_unknown_fields_and_choices() {
+        for text in [
+            r#"{"rollout": 3}"#,
+            r#"{"power": {"elites": 3}}"#,
+            r#"{"reward": {"w4": 1}}"#,
+            r#"{"scales": {"position": 1}}"#,
+            r#"{"method": "magic"}"#,
+        ] {
+            assert!(serde_json::from_str::<LearnerConfig>(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_session_may_grow_but_not_change() {
+        let stored = LearnerConfig::default();
+        let longer = LearnerConfig { rollouts: 200, ..stored.clone() };
+        assert_eq!(longer.check_resumes(&stored), Ok(()));
+        let mut changed = stored.clone();
+        changed.power.floor_std = 0.3;
+        let message = changed.check_resumes(&stored).unwrap_err().to_string();
+        assert!(
+            message
+                .contains("learner.power.floor_std is 0.3, but the session was started with 0.2")
+        );
+    }
+}

@@ -1,0 +1,235 @@
+//! A demonstrated movement of the pan, read from CSV and resampled to 100 Hz.
+//!
+//! ```text
+//! t_s,x_m,y_m,z_m,pitch_rad[,roll_rad,yaw_rad]
+//! ```
+//!
+//! Poses are in the world frame; pitch, roll and yaw are the y, x and z components of the rotation
+//! vector. Whether the arm can reach them is not known here: the caller checks
+//! [`Demonstration::poses`].
+
+use csv::{ReaderBuilder, StringRecord, Trim};
+use thiserror::Error;
+
+use crate::trajectory::{Pose, derivatives, resample};
+
+/// Fewest recorded points.
+pub const MIN_POINTS: usize = 10;
+/// Shortest and longest demonstration, s. A policy message carries at most 30 s.
+pub const DURATION_S: std::ops::RangeInclusive<f64> = 0.1..=30.0;
+
+const COLUMNS: [&str; LONG] = ["t_s", "x_m", "y_m", "z_m", "pitch_rad", "roll_rad", "yaw_rad"];
+/// Number of columns with and without roll and yaw, which are zero when absent.
+const LONG: usize = 7;
+const SHORT: usize = 5;
+
+/// Why a demonstration was refused.
+#[derive(Debug, Error, PartialEq)]
+pub enum DemonstrationError {
+    #[error(
+        "{file}, line 1: header is `{found}`: use `t_s,x_m,y_m,z_m,pitch_rad`, optionally \
+         followed by `,roll_rad,yaw_rad`"
+    )]
+    Header { file: String, found: String },
+    #[error("{file}, line {line}: cannot be read as CSV in UTF-8: {reason}")]
+    Syntax { file: String, line: u64, reason: String },
+    #[error("{file}, line {line}: {found} values instead of {expected}: give one per column")]
+    Columns { file: String, line: u64, found: usize, expected: usize },
+    #[error("{file}, line {line}: {column} is `{text}`: use a finite number such as 0.72")]
+    Number { file: String, line: u64, column: &'static str, text: String },
+    #[error(
+        "{file}, line {line}: t_s is {t_s} after {previous_s}: time must increase from line to line"
+    )]
+    Time { file: String, line: u64, t_s: f64, previous_s: f64 },
+    #[error("{file}: {found} points: record at least {MIN_POINTS}")]
+    TooFew { file: String, found: usize },
+    #[error(
+        "{file}: lasts {duration_s} s: record between {} and {} s",
+        DURATION_S.start(), DURATION_S.end()
+    )]
+    Duration { file: String, duration_s: f64 },
+}
+
+/// A demonstration at a uniform rate; time starts at 0.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Demonstration {
+    file: String,
+    period_s: f64,
+    poses: Vec<Pose>,
+}
+
+impl Demonstration {
+    /// Parses `text`; `file` names it in messages.
+    pub fn parse(file: &str, text: &str) -> Result<Self, DemonstrationError> {
+        let mut reader = ReaderBuilder::new()
+            .flexible(true)
+            .has_headers(false)
+            .trim(Trim::All)
+            .from_reader(text.trim_start_matches('\u{feff}').as_bytes());
+        let mut records = reader.records();
+        let header = next_record(file, &mut records)?.unwrap_or_default();
+        let n_columns = header.len();
+        if !matches!(n_columns, SHORT | LONG)
+            || !header.iter().eq(COLUMNS[..n_columns].iter().copied())
+        {
+            let found = header.iter().collect::<Vec<_>>().join(",");
+            return Err(DemonstrationError::Header { file: file.into(), found });
+        }
+        let (mut times_s, mut poses) = (Vec::<f64>::new(), Vec::new());
+        while let Some(record) = next_record(file, &mut records)? {
+            let line = line_of(&record);
+            let values = parse_row(file, line, &record, n_columns)?;
+            if let Some(&previous_s) = times_s.last().filter(|&&last| values[0] <= last) {
+                let t_s = values[0];
+                return Err(DemonstrationError::Time { file: file.into(), line, t_s, previous_s });
+            }
+            times_s.push(values[0]);
+            poses.push(std::array::from_fn(|c| values[c + 1]));
+        }
+        if poses.len() < MIN_POINTS {
+            return Err(DemonstrationError::TooFew { file: file.into(), found: poses.len() });
+        }
+        let duration_s = times_s[times_s.len() - 1] - times_s[0];
+        if !DURATION_S.contains(&duration_s) {
+            return Err(DemonstrationError::Duration { file: file.into(), duration_s });
+        }
+        let (period_s, poses) = resample(&times_s, &poses);
+        Ok(Demonstration { file: file.into(), period_s, poses })
+    }
+
+    /// The file it came from.
+    pub fn file(&self) -> &str {
+        &self.file
+    }
+
+    /// Sampling period, s.
+    pub fn period_s(&self) -> f64 {
+        self.period_s
+    }
+
+    /// Time of the last pose, s.
+    pub fn duration_s(&self) -> f64 {
+        self.period_s * (self.poses.len() - 1) as f64
+    }
+
+    /// Poses at 0, `period_s`, 2·`period_s`, …: x, y, z, pitch, roll, yaw in m and rad.
+    pub fn poses(&self) -> &[Pose] {
+        &self.poses
+    }
+
+    /// ẋ and ẍ at the times of [`Demonstration::poses`].
+    pub fn derivatives(&self) -> (Vec<Pose>, Vec<Pose>) {
+        derivatives(&self.poses, self.period_s)
+    }
+}
+
+fn next_record(
+    file: &str,
+    records: &mut csv::StringRecordsIter<'_, &[u8]>,
+) -> Result<Option<StringRecord>, DemonstrationError> {
+    records.next().transpose().map_err(|error| DemonstrationError::Syntax {
+        file: file.into(),
+        line: error.position().map_or(0, csv::Position::line),
+        reason: error.to_string(),
+    })
+}
+
+fn line_of(record: &StringRecord) -> u64 {
+    record.position().map_or(0, csv::Position::line)
+}
+
+/// t_s and the six coordinates of a row; absent ones are zero.
+fn parse_row(
+    file: &str,
+    line: u64,
+    record: &StringRecord,
+    n_columns: usize,
+) -> Result<[f64; LONG], DemonstrationError> {
+    if record.len() != n_columns {
+        let (file, found) = (file.into(), record.len());
+        return Err(DemonstrationError::Columns { file, line, found, expected: n_columns });
+    }
+    let mut values = [0.0; LONG];
+    for ((text, column), value) in record.iter().zip(COLUMNS).zip(&mut values) {
+        *value = text.parse().ok().filter(|number: &f64| number.is_finite()).ok_or_else(|| {
+            DemonstrationError::Number { file: file.into(), line, column, text: text.into() }
+        })?;
+    }
+    Ok(values)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HEADER: &str = "t_s,x_m,y_m,z_m,pitch_rad";
+
+    /// 12 good rows at 100 Hz, one of them replaced.
+    fn text(header: &str, replace: Option<(usize, &str)>) -> String {
+        let mut lines = vec![header.to_string()];
+        lines.extend((0..12).map(|k| format!("{:.3},0.78,0,0.7{k:02},0.1", k as f64 * 0.01)));
+        if let Some((line, row)) = replace {
+            lines[line - 1] = row.to_string();
+        }
+        lines.join("\n")
+    }
+
+    fn error(text: &str) -> String {
+        Demonstration::parse("pan.csv", text).expect_err("must be refused").to_string()
+    }
+
+    #[test]
+    fn reads_points_with_and_without_roll_and_yaw() {
+        let demonstration = Demonstration::parse("pan.csv", &text(HEADER, None)).unwrap();
+        assert_eq!(demonstration.poses().len(), 12);
+        assert_eq!(demonstration.poses()[3], [0.78, 0.0, 0.703, 0.1, 0.0, 0.0]);
+        assert!((demonstration.duration_s() - 0.11).abs() < 1e-12);
+
+        let rows: String = (0..12).map(|k| format!("0.{k:02},1,2,3,0.1,0.2,0.3\n")).collect();
+        let full = format!("\u{feff}{HEADER},roll_rad,yaw_rad\n{rows}");
+        let demonstration = Demonstration::parse("pan.csv", &full).unwrap();
+        assert_eq!(demonstration.poses()[11], [1.0, 2.0, 3.0, 0.1, 0.2, 0.3]);
+    }
+
+    #[test]
+    fn resamples_another_rate_to_100_hz() {
+        let rows: String =
+            (0..40).map(|k| format!("{},1,2,{},0\n", 5.0 + 0.004 * k as f64, k)).collect();
+        let demonstration = Demonstration::parse("pan.csv", &format!("{HEADER}\n{rows}")).unwrap();
+        assert_eq!(demonstration.poses().len(), 17);
+        assert!((demonstration.period_s() - 0.156 / 16.0).abs() < 1e-12);
+        assert!((demonstration.poses()[8][2] - 19.5).abs() < 1e-9);
+    }
+
+    #[test]
+    fn refuses_each_bad_file_and_names_the_line() {
+        let bad_row = |row| error(&text(HEADER, Some((5, row))));
+        for (message, parts) in [
+            (error(&text("t,x,y,z,pitch", None)), vec!["line 1", "t,x,y,z,pitch", "t_s,x_m"]),
+            (error(""), vec!["line 1", "header"]),
+            (error(&text("t_s,x_m,y_m,z_m,pitch_rad,roll_rad", None)), vec!["line 1", "yaw_rad"]),
+            (bad_row("0.03,0.78,0,high,0"), vec!["line 5", "z_m", "`high`"]),
+            (bad_row("0.03,0.78,NaN,0.7,0"), vec!["line 5", "y_m", "`NaN`"]),
+            (bad_row("0.03,inf,0,0.7,0"), vec!["line 5", "x_m", "`inf`"]),
+            (bad_row("0.03,0.78,0,0.7,"), vec!["line 5", "pitch_rad", "``"]),
+            (bad_row("0.03,0.78,0,0.7"), vec!["line 5", "4 values instead of 5"]),
+            (bad_row("0.02,0.78,0,0.7,0"), vec!["line 5", "0.02 after 0.02"]),
+            (bad_row("0.01,0.78,0,0.7,0"), vec!["line 5", "must increase"]),
+            (error(&format!("{HEADER}\n0,1,2,3,0\n0.1,1,2,3,0")), vec!["2 points", "at least 10"]),
+        ] {
+            for part in ["pan.csv"].iter().chain(&parts) {
+                assert!(message.contains(part), "{message:?} lacks {part:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn refuses_a_blink_and_an_hour() {
+        for (step, duration) in [(0.001, "0.011"), (300.0, "3300")] {
+            let rows: String =
+                (0..12).map(|k| format!("{:.3},1,2,3,0\n", k as f64 * step)).collect();
+            let message = error(&format!("{HEADER}\n{rows}"));
+            assert!(message.contains(&format!("lasts {duration} s")), "{message}");
+        }
+    }
+}

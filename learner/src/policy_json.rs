@@ -1,0 +1,151 @@
+//! A policy as JSON text that people can read and edit; floats survive bit for bit.
+
+use serde::{Deserialize, Serialize};
+use shm_types::policy::{Component, PolicyMsg, PolicyMsgError, packed_index};
+use shm_types::{MAX_COMPONENTS, TASK_DIM};
+use thiserror::Error;
+
+use crate::activation::Activation;
+
+#[derive(Debug, Error)]
+pub enum PolicyJsonError {
+    #[error("policy is not valid JSON of a policy: {0}")]
+    Json(#[from] serde_json::Error),
+    #[error("component {component}: stiffness must be {task_dim} rows of {task_dim} numbers")]
+    Stiffness { component: usize, task_dim: u32 },
+    #[error("component {component}: stiffness must be symmetric")]
+    Asymmetric { component: usize },
+    #[error("policy has {0} components: use at most {MAX_COMPONENTS}")]
+    Components(usize),
+    #[error(transparent)]
+    Message(#[from] PolicyMsgError),
+}
+
+/// Units as in [`PolicyMsg`].
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PolicyText {
+    task_dim: u32,
+    activation: Activation,
+    duration_s: f64,
+    decay_rate: f64,
+    damping: f64,
+    orientation_stiffness: f64,
+    orientation_damping: f64,
+    components: Vec<ComponentText>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ComponentText {
+    center: f64,
+    width: f64,
+    /// x, y, z, pitch, roll, yaw.
+    attractor: [f64; TASK_DIM],
+    /// Rows of Kᵢ, task_dim×task_dim.
+    stiffness: Vec<Vec<f64>>,
+}
+
+/// The physical parameters of a valid policy.
+pub fn to_json(policy: &PolicyMsg) -> Result<String, PolicyJsonError> {
+    policy.validate()?;
+    let d = policy.task_dim as usize;
+    let component = |c: &Component| ComponentText {
+        center: c.center,
+        width: c.width,
+        attractor: c.attractor,
+        stiffness: (0..d).map(|row| (0..d).map(|col| c.stiffness_at(row, col)).collect()).collect(),
+    };
+    let activation = if policy.activation == Activation::Decay.code() {
+        Activation::Decay
+    } else {
+        Activation::Time
+    };
+    Ok(serde_json::to_string_pretty(&PolicyText {
+        task_dim: policy.task_dim,
+        activation,
+        duration_s: policy.duration_s,
+        decay_rate: policy.decay_rate,
+        damping: policy.damping,
+        orientation_stiffness: policy.orientation_stiffness,
+        orientation_damping: policy.orientation_damping,
+        components: policy.components().iter().map(component).collect(),
+    })?)
+}
+
+/// A validated, sealed policy that belongs to no session yet.
+pub fn from_json(text: &str) -> Result<PolicyMsg, PolicyJsonError> {
+    let text: PolicyText = serde_json::from_str(text)?;
+    if text.components.len() > MAX_COMPONENTS {
+        return Err(PolicyJsonError::Components(text.components.len()));
+    }
+    let mut policy = PolicyMsg {
+        task_dim: text.task_dim,
+        n_components: text.components.len() as u32,
+        activation: text.activation.code(),
+        duration_s: text.duration_s,
+        decay_rate: text.decay_rate,
+        damping: text.damping,
+        orientation_stiffness: text.orientation_stiffness,
+        orientation_damping: text.orientation_damping,
+        ..PolicyMsg::EMPTY
+    };
+    let d = text.task_dim.min(TASK_DIM as u32) as usize;
+    for (index, (component, text)) in policy.components.iter_mut().zip(text.components).enumerate()
+    {
+        let rows = &text.stiffness;
+        if rows.len() != d || rows.iter().any(|row| row.len() != d) {
+            let task_dim = policy.task_dim;
+            return Err(PolicyJsonError::Stiffness { component: index, task_dim });
+        }
+        (component.center, component.width) = (text.center, text.width);
+        component.attractor = text.attractor;
+        for (row, values) in rows.iter().enumerate() {
+            for (col, &value) in values[..=row].iter().enumerate() {
+                if value != rows[col][row] {
+                    return Err(PolicyJsonError::Asymmetric { component: index });
+                }
+                component.stiffness[packed_index(row, col)] = value;
+            }
+        }
+    }
+    let policy = policy.sealed();
+    policy.validate()?;
+    Ok(policy)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn policy() -> PolicyMsg {
+        let mut policy = PolicyMsg { task_dim: 4, n_components: 2, ..PolicyMsg::EMPTY };
+        policy.damping = 2.0 * 200_f64.sqrt();
+        for (i, component) in policy.components[..2].iter_mut().enumerate() {
+            component.center = 0.1 + 0.2 * i as f64;
+            component.attractor = [0.78, -0.0, 1.0 / 3.0, 0.1, 5e-324, 1e-17];
+            (0..10).for_each(|k| component.stiffness[k] = (k as f64 + 0.1).sqrt() * 37.0);
+        }
+        policy.sealed()
+    }
+
+    #[test]
+    fn survives_a_round_trip_bit_for_bit() {
+        let back = from_json(&to_json(&policy()).unwrap()).unwrap();
+        assert_eq!(back, policy());
+        assert_eq!(back.digest, policy().digest);
+    }
+
+    #[test]
+    fn refuses_damaged_text() {
+        let text = to_json(&policy()).unwrap();
+        let error = |text: &str| from_json(text).expect_err("must be refused").to_string();
+        assert!(error("{}").contains("task_dim"));
+        assert!(error(&text.replace("\"task_dim\": 4", "\"task_dim\": 3")).contains("3 rows of 3"));
+        assert!(error(&text.replace("\"task_dim\"", "\"dim\"")).contains("dim"));
+        assert!(error(&text.replace("\"width\": 1.0", "\"width\": 0.0")).contains("width"));
+        let mut value: serde_json::Value = serde_json::from_str(&text).unwrap();
+        value["components"][1]["stiffness"][0][1] = 0.5.into();
+        assert!(error(&value.to_string()).contains("component 1: stiffness must be symmetric"));
+    }
+}

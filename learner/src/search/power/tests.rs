@@ -1,0 +1,208 @@
+//! Eqs. (1) and (6) against reference vectors, and the properties of the search.
+
+use std::path::PathBuf;
+
+use serde::Deserialize;
+
+use super::*;
+
+#[derive(Deserialize)]
+struct Case {
+    #[serde(rename = "D")]
+    dim: usize,
+    /// Elites; 0 for all.
+    #[serde(rename = "M")]
+    n_elites: usize,
+    theta_old: Vec<f64>,
+    theta: Vec<Vec<f64>>,
+    r: Vec<f64>,
+    sigma0: Vec<Vec<f64>>,
+    theta_new: Vec<f64>,
+    sigma_new: Vec<Vec<f64>>,
+}
+
+fn vectors(name: &str) -> Vec<Case> {
+    let directory = std::env::var_os("SKILLET_VECTORS").map_or_else(
+        || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/vectors")),
+        PathBuf::from,
+    );
+    let path = directory.join(name);
+    let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{path:?}: {e}"));
+    serde_json::from_str(&text).unwrap_or_else(|e| panic!("{path:?}: {e}"))
+}
+
+fn matrix(rows: &[Vec<f64>]) -> DMatrix<f64> {
+    DMatrix::from_fn(rows.len(), rows.len(), |i, j| rows[i][j])
+}
+
+/// The `n` best trials.
+fn elites(mut trials: Vec<Trial>, n: usize) -> Vec<Trial> {
+    trials.sort_by(by_reward);
+    trials.truncate(n);
+    trials
+}
+
+fn trials(thetas: &[Vec<f64>], rewards: &[f64]) -> Vec<Trial> {
+    let trial = |((i, theta), &reward): ((usize, &Vec<f64>), &f64)| Trial {
+        rollout: i as u64 + 1,
+        theta: DVector::from_vec(theta.clone()),
+        reward,
+    };
+    thetas.iter().enumerate().zip(rewards).map(trial).collect()
+}
+
+#[test]
+fn matches_the_reference_vectors() {
+    for case in vectors("power_cov.json") {
+        let n = if case.n_elites == 0 { case.r.len() } else { case.n_elites };
+        let elites = elites(trials(&case.theta, &case.r), n);
+        let theta_old = DVector::from_vec(case.theta_old);
+        let mean = power_mean(&theta_old, &elites);
+        let expected = DVector::from_vec(case.theta_new);
+        assert!((mean - &expected).amax() <= 1e-12 * expected.amax(), "mean, D = {}", case.dim);
+        let covariance = power_covariance(&theta_old, &elites, &matrix(&case.sigma0)).unwrap();
+        let expected = matrix(&case.sigma_new);
+        assert!((covariance - &expected).amax() <= 1e-12 * expected.amax(), "D = {}", case.dim);
+    }
+}
+
+/// r = exp(−‖θ − 1‖²/D), a smooth hill.
+fn hill(theta: &DVector<f64>) -> f64 {
+    (-theta.map(|x| (x - 1.0).powi(2)).mean()).exp()
+}
+
+fn run(config: PowerConfig, seed: u64, n: u64, reward: impl Fn(&DVector<f64>) -> f64) -> Power {
+    let mut search = Power::new(config, seed, DVector::zeros(12));
+    for rollout in 1..=n {
+        let Proposal { theta, .. } = search.ask(rollout);
+        let reward = reward(&theta);
+        search.tell(&Trial { rollout, theta, reward });
+    }
+    search
+}
+
+#[test]
+fn sampler_has_the_covariance_of_eq_6() {
+    // The sampler is θ − mean = F z with F = [f₁ … f_M, σ₀I]: its covariance is F Fᵀ.
+    let config = PowerConfig::default();
+    let mut search = run(config, 5, 29, hill);
+    let old_mean = search.mean().clone();
+    let Proposal { theta, .. } = search.ask(30);
+    let reward = hill(&theta);
+    search.tell(&Trial { rollout: 30, theta, reward });
+
+    let factors = search.factors.as_ref().unwrap();
+    let mut f = DMatrix::zeros(12, factors.len() + 12);
+    for (column, factor) in factors.iter().enumerate() {
+        f.set_column(column, factor);
+    }
+    f.view_mut((0, factors.len()), (12, 12)).fill_diagonal(search.floor(31));
+    let sigma_0 = DMatrix::identity(12, 12) * config.floor_std.powi(2);
+    let dense = power_covariance(&old_mean, &search.elites, &sigma_0).unwrap();
+    assert!((&f * f.transpose() - &dense).amax() <= 1e-14 * dense.amax());
+    let std = search.snapshot(31).std;
+    assert!((std.component_mul(&std) - dense.diagonal()).amax() < 1e-14);
+
+    // And the proposal is that product with the numbers of stream 31, in this order.
+    let mut rng = stream(5, 31);
+    let z = DVector::from_fn(factors.len() + 12, |_, _| standard_normal(&mut rng));
+    assert!((search.mean() + f * z - search.ask(31).theta).amax() < 1e-14);
+}
+
+#[test]
+fn explores_around_the_start_until_the_initial_batch_is_told() {
+    let config = PowerConfig { n_initial: 4, ..Default::default() };
+    let search = run(config, 1, 4, hill);
+    assert_eq!(search.mean(), &DVector::zeros(12));
+    assert_eq!(search.snapshot(5).std, DVector::from_element(12, 0.5));
+    let search = run(config, 1, 5, hill);
+    assert_ne!(search.mean(), &DVector::zeros(12));
+    assert_eq!(search.floor(6), 0.2);
+}
+
+#[test]
+fn scaling_all_rewards_changes_nothing() {
+    let reference = run(PowerConfig::default(), 2, 40, hill);
+    // A power of two scales without rounding, so every bit must agree.
+    let scaled = run(PowerConfig::default(), 2, 40, |theta| 1024.0 * hill(theta));
+    assert_eq!(reference.ask(41), scaled.ask(41));
+    let scaled = run(PowerConfig::default(), 2, 40, |theta| 0.3 * hill(theta));
+    assert!((reference.ask(41).theta - scaled.ask(41).theta).amax() < 1e-9);
+}
+
+#[test]
+fn the_order_of_trials_does_not_matter() {
+    let thetas: Vec<Vec<f64>> = (0..9).map(|i| vec![f64::from(i), f64::from(i * i % 7)]).collect();
+    let rewards = [0.5, 0.1, 0.9, 0.5, 0.0, 0.7, 0.5, 0.2, 0.3];
+    let told = trials(&thetas, &rewards);
+    let update = |order: Vec<Trial>| {
+        let mut search = Power::new(
+            PowerConfig { n_elites: 4, n_initial: 8, ..Default::default() },
+            1,
+            DVector::zeros(2),
+        );
+        order.iter().for_each(|trial| search.tell(trial));
+        search.snapshot(10)
+    };
+    let reversed = told.iter().rev().cloned().collect();
+    let mut rotated = told.clone();
+    rotated.rotate_left(4);
+    let reference = update(told);
+    assert_eq!(update(reversed), reference);
+    assert_eq!(update(rotated), reference);
+}
+
+#[test]
+fn ties_are_kept_by_rollout() {
+    let thetas: Vec<Vec<f64>> = (0..5).map(|i| vec![f64::from(i)]).collect();
+    let kept = elites(trials(&thetas, &[0.5; 5]), 3);
+    assert_eq!(kept.iter().map(|trial| trial.rollout).collect::<Vec<_>>(), [1, 2, 3]);
+}
+
+#[test]
+fn keeps_floor_when_rewards_are_equal() {
+    let search = run(PowerConfig::default(), 3, 100, |_| 0.7);
+    assert!(search.snapshot(101).std.min() >= 0.2);
+    assert!(search.mean().iter().all(|x| x.is_finite()));
+}
+
+#[test]
+fn without_any_reward_mean_and_covariance_stay() {
+    let search = run(PowerConfig::default(), 3, 30, |_| 0.0);
+    assert_eq!(search.mean(), &DVector::zeros(12));
+    assert_eq!(search.snapshot(31).std, DVector::from_element(12, 0.5));
+    assert_eq!(power_covariance(search.mean(), &search.elites, &DMatrix::zeros(12, 12)), None);
+}
+
+#[test]
+fn tiny_and_huge_rewards_stay_finite() {
+    for scale in [1e-300, 1e300] {
+        let search = run(PowerConfig::default(), 4, 30, |theta| scale * hill(theta));
+        assert!(search.ask(31).theta.iter().all(|x| x.is_finite()));
+    }
+}
+
+#[test]
+fn floor_decays_to_its_minimum() {
+    let config = PowerConfig { floor_decay: 0.9, floor_min: 0.05, ..Default::default() };
+    let search = run(config, 1, 12, hill);
+    assert_eq!(search.floor(12), 0.2);
+    assert!((search.floor(14) - 0.2 * 0.81).abs() < 1e-15);
+    assert_eq!(search.floor(1000), 0.05);
+}
+
+#[test]
+fn same_seed_same_bits_and_asking_twice_changes_nothing() {
+    let (a, b) =
+        (run(PowerConfig::default(), 6, 50, hill), run(PowerConfig::default(), 6, 50, hill));
+    assert_eq!(a.ask(51), b.ask(51));
+    assert_eq!(a.ask(51), a.ask(51));
+    let other = run(PowerConfig::default(), 7, 50, hill);
+    assert_ne!(a.ask(51), other.ask(51));
+}
+
+#[test]
+fn climbs_the_hill() {
+    let search = run(PowerConfig::default(), 8, 200, hill);
+    assert!(hill(search.mean()) > 0.9, "r(mean) = {}", hill(search.mean()));
+}

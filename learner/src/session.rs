@@ -1,0 +1,205 @@
+//! The session loop: ask → publish → receive → reward → tell → checkpoint.
+//!
+//! The loop never waits for ever: it wakes up at least every [`WAIT`], shows that it lives, and
+//! looks at `stop`. A controller that restarts is asked again; one that is silent is waited for,
+//! visibly. What it must not do twice, it does not: [`Learner::complete`] refuses an episode that
+//! is late, foreign or a duplicate.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use shm_types::SCHEMA;
+use shm_types::episode::Ack;
+use shm_types::policy::PolicyMsg;
+use shm_types::ports::LearnerPorts;
+use shm_types::telemetry::Heartbeat;
+use thiserror::Error;
+
+use crate::learner::{CompleteError, Learner, LearnerError};
+use crate::summary::TrialReport;
+
+/// Longest wait for an episode before the loop looks around.
+const WAIT: Duration = Duration::from_millis(50);
+const BEAT: Duration = Duration::from_millis(100);
+const HOUSEKEEPING: Duration = Duration::from_secs(1);
+/// A controller whose heartbeat is older than this is silent.
+const SILENT: Duration = Duration::from_secs(2);
+/// A rollout that takes longer, Approach included, is asked for again.
+const ROLLOUT: Duration = Duration::from_secs(30);
+
+/// What an onlooker may want to know.
+#[derive(Debug)]
+pub enum Event {
+    Trial(TrialReport),
+    /// Nothing was heard from the controller for this long; the learner waits.
+    ControllerSilent(Duration),
+    ControllerBack,
+    /// The rollout was asked for again.
+    AskedAgain {
+        rollout: u64,
+        reason: &'static str,
+    },
+}
+
+/// How the loop ended without an error.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum End {
+    /// All rollouts are done.
+    Done,
+    /// `stop` was set; everything told so far is stored.
+    Stopped,
+}
+
+#[derive(Debug, Error)]
+pub enum SessionError {
+    #[error(transparent)]
+    Learner(#[from] LearnerError),
+    #[error(
+        "policy of rollout {rollout} cannot be published ({reason}); restart learner and controller"
+    )]
+    Publish { rollout: u64, reason: String },
+}
+
+/// Runs the session until it is done or stopped.
+pub fn run(
+    ports: &LearnerPorts,
+    learner: &mut Learner,
+    stop: &AtomicBool,
+    on_event: &mut dyn FnMut(Event),
+) -> Result<End, SessionError> {
+    let mut link = Link::new(ports);
+    // The last acknowledgement of an earlier run may have been lost with its process.
+    link.acknowledge(learner);
+    while !learner.is_done() {
+        let policy = learner.next_policy()?;
+        link.publish(&policy)?;
+        let Some(report) = link.await_trial(learner, &policy, stop, on_event)? else {
+            return Ok(End::Stopped);
+        };
+        link.acknowledge(learner);
+        on_event(Event::Trial(report));
+    }
+    Ok(End::Done)
+}
+
+/// The learner's side of the cell, with what is known of the other side.
+struct Link<'a> {
+    ports: &'a LearnerPorts,
+    next_beat: Instant,
+    next_housekeeping: Instant,
+    beat_counter: u64,
+    controller: Option<Heartbeat>,
+    heard: Instant,
+    is_silent: bool,
+}
+
+impl<'a> Link<'a> {
+    fn new(ports: &'a LearnerPorts) -> Link<'a> {
+        let now = Instant::now();
+        Link {
+            ports,
+            next_beat: now,
+            next_housekeeping: now + HOUSEKEEPING,
+            beat_counter: 0,
+            controller: None,
+            heard: now,
+            is_silent: false,
+        }
+    }
+
+    fn publish(&self, policy: &PolicyMsg) -> Result<(), SessionError> {
+        self.ports.policies.send_copy(*policy).map(|_receivers| ()).map_err(|error| {
+            SessionError::Publish { rollout: policy.rollout, reason: format!("{error:?}") }
+        })
+    }
+
+    /// Tells the controller what is durable. It is cumulative, so a lost one does no harm.
+    fn acknowledge(&self, learner: &Learner) {
+        let (session, durable_rollout) = (learner.session_id(), learner.durable_rollout());
+        let ack = Ack { schema: SCHEMA, session, durable_rollout };
+        if let Err(error) = self.ports.acks.send_copy(ack) {
+            tracing::warn!("acknowledgement of rollout {durable_rollout} not sent: {error:?}");
+        }
+    }
+
+    /// Waits for the episode of `policy`; `None` when stopped.
+    fn await_trial(
+        &mut self,
+        learner: &mut Learner,
+        policy: &PolicyMsg,
+        stop: &AtomicBool,
+        on_event: &mut dyn FnMut(Event),
+    ) -> Result<Option<TrialReport>, SessionError> {
+        let mut asked = Instant::now();
+        loop {
+            while let Ok(Some(episode)) = self.ports.episodes.receive() {
+                match learner.complete(policy, episode.user_header(), episode.payload()) {
+                    Ok(report) => return Ok(Some(report)),
+                    Err(CompleteError::Learner(error)) => return Err(error.into()),
+                    Err(refused) => tracing::warn!("episode refused: {refused}"),
+                }
+            }
+            if stop.load(Ordering::Relaxed) {
+                return Ok(None);
+            }
+            let restarted = self.look_around(on_event);
+            let reason = match (restarted, asked.elapsed() >= ROLLOUT && !self.is_silent) {
+                (true, _) => Some("the controller has restarted"),
+                (_, true) => Some("its episode did not come"),
+                _ => None,
+            };
+            if let Some(reason) = reason {
+                on_event(Event::AskedAgain { rollout: policy.rollout, reason });
+                self.publish(policy)?;
+                asked = Instant::now();
+            }
+            // A failed wait must not turn the loop into a spin.
+            if self.ports.episode_sent.timed_wait(|_| {}, WAIT).is_err() {
+                std::thread::sleep(WAIT);
+            }
+        }
+    }
+
+    /// Beats, listens to the controller's beat, cleans up. True when the controller is a new one.
+    fn look_around(&mut self, on_event: &mut dyn FnMut(Event)) -> bool {
+        let now = Instant::now();
+        if now >= self.next_beat {
+            self.next_beat = now + BEAT;
+            self.beat_counter += 1;
+            let beat = Heartbeat {
+                schema: SCHEMA,
+                boot_id: u64::from(std::process::id()),
+                counter: self.beat_counter,
+            };
+            // Nobody listening is what the controller's own silence will tell.
+            let _ = self.ports.beat.send_copy(beat);
+        }
+        if now >= self.next_housekeeping {
+            self.next_housekeeping = now + HOUSEKEEPING;
+            self.ports.clean_up();
+        }
+        let restarted = self.hear(now);
+        let silence = now - self.heard;
+        if silence >= SILENT && !self.is_silent {
+            self.is_silent = true;
+            on_event(Event::ControllerSilent(silence));
+        } else if silence < SILENT && self.is_silent {
+            self.is_silent = false;
+            on_event(Event::ControllerBack);
+        }
+        restarted
+    }
+
+    fn hear(&mut self, now: Instant) -> bool {
+        let mut restarted = false;
+        while let Ok(Some(beat)) = self.ports.controller_beat.receive() {
+            if beat.schema != SCHEMA || self.controller == Some(*beat) {
+                continue;
+            }
+            restarted |= self.controller.is_some_and(|last| last.boot_id != beat.boot_id);
+            self.controller = Some(*beat);
+            self.heard = now;
+        }
+        restarted
+    }
+}

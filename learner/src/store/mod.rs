@@ -1,0 +1,189 @@
+//! A session on disk: one SQLite file that always holds a complete, resumable state.
+//!
+//! Write-ahead log with full synchronisation: what a call has returned from survives a power cut.
+
+mod error;
+mod meta;
+mod read;
+mod rows;
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use rusqlite::{Connection, OpenFlags, Transaction, params};
+use shm_types::policy::PolicyMsg;
+
+pub use error::StoreError;
+pub use meta::SessionMeta;
+pub use rows::{Event, PolicyKind, TrialRecord};
+use rows::{blob, insert_policy, insert_trial, signed};
+
+use crate::path::PathRow;
+use crate::policy_json;
+use crate::search::SearchSnapshot;
+use crate::trial::Proposal;
+
+/// Format of the session file; raised whenever an older program could not read it.
+pub const FORMAT_VERSION: i64 = 1;
+/// "SKLT" in the file's header: how `file` and [`Store::open`] recognise a session.
+const APPLICATION_ID: i64 = 0x534b_4c54;
+/// How long to wait for another program's short transaction.
+const BUSY_TIMEOUT: Duration = Duration::from_secs(5);
+
+/// An open session file.
+pub struct Store {
+    connection: Connection,
+    path: PathBuf,
+    meta: SessionMeta,
+}
+
+impl Store {
+    /// Creates the file with its identity and the initial policy; never overwrites one.
+    pub fn create(path: &Path, meta: SessionMeta, initial: &PolicyMsg) -> Result<Self, StoreError> {
+        if path.exists() {
+            return Err(StoreError::Exists { path: path.into() });
+        }
+        let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_CREATE;
+        let sql = |error| StoreError::from_sql(path, error);
+        let connection = connect(path, flags).map_err(sql)?;
+        connection.pragma_update(None, "journal_mode", "WAL").map_err(sql)?;
+        let mut store = Store { connection, path: path.into(), meta: meta.clone() };
+        let text = store.policy_text(initial)?;
+        store.transaction(|transaction| {
+            transaction.execute_batch(include_str!("schema.sql"))?;
+            meta::write(transaction, &meta)?;
+            insert_policy(transaction, PolicyKind::Initial, initial, &text)?;
+            transaction.pragma_update(None, "user_version", FORMAT_VERSION)?;
+            transaction.pragma_update(None, "application_id", APPLICATION_ID)
+        })?;
+        Ok(store)
+    }
+
+    /// Opens a session and checks its identity, format and integrity.
+    pub fn open(path: &Path) -> Result<Self, StoreError> {
+        if !path.exists() {
+            return Err(StoreError::Missing { path: path.into() });
+        }
+        let sql = |error| StoreError::from_sql(path, error);
+        let connection = connect(path, OpenFlags::SQLITE_OPEN_READ_WRITE).map_err(sql)?;
+        let pragma = |name| connection.pragma_query_value(None, name, |row| row.get::<_, i64>(0));
+        if pragma("application_id").map_err(sql)? != APPLICATION_ID {
+            return Err(StoreError::NotSkillet { path: path.into() });
+        }
+        let found = pragma("user_version").map_err(sql)?;
+        if found != FORMAT_VERSION {
+            return Err(StoreError::Format { path: path.into(), found, expected: FORMAT_VERSION });
+        }
+        let check: String =
+            connection.pragma_query_value(None, "quick_check", |row| row.get(0)).map_err(sql)?;
+        if check != "ok" {
+            return Err(StoreError::Corrupt { path: path.into(), detail: check });
+        }
+        let meta = meta::read(&connection, path)?;
+        Ok(Store { connection, path: path.into(), meta })
+    }
+
+    /// That this is a session of `task`.
+    pub fn expect_task(&self, task: &str) -> Result<(), StoreError> {
+        if self.meta.task == task {
+            return Ok(());
+        }
+        let (found, expected) = (self.meta.task.clone(), task.into());
+        Err(StoreError::OtherTask { path: self.path.clone(), found, expected })
+    }
+
+    pub fn meta(&self) -> &SessionMeta {
+        &self.meta
+    }
+
+    /// Stores a policy under its `policy_id`, which must be new.
+    pub fn put_policy(&mut self, kind: PolicyKind, policy: &PolicyMsg) -> Result<(), StoreError> {
+        let text = self.policy_text(policy)?;
+        self.transaction(|transaction| insert_policy(transaction, kind, policy, &text))
+    }
+
+    /// Makes a proposal and its policy durable, before the policy is published.
+    pub fn put_proposal(
+        &mut self,
+        proposal: &Proposal,
+        policy: &PolicyMsg,
+    ) -> Result<(), StoreError> {
+        let text = self.policy_text(policy)?;
+        self.transaction(|transaction| {
+            insert_policy(transaction, PolicyKind::Trial, policy, &text)?;
+            transaction.execute(
+                "INSERT INTO proposals (rollout, theta) VALUES (?1, ?2)",
+                params![signed(proposal.rollout), blob(&proposal.theta)],
+            )?;
+            Ok(())
+        })
+    }
+
+    /// Writes a trial, its path, the state of the search after it and the acknowledgement it
+    /// allows, in one transaction.
+    pub fn record_trial(
+        &mut self,
+        trial: &TrialRecord,
+        search: &SearchSnapshot,
+        path: &[PathRow],
+    ) -> Result<(), StoreError> {
+        self.transaction(|transaction| {
+            insert_trial(transaction, trial, path)?;
+            transaction.execute(
+                "INSERT INTO searches (rollout, mean, std, floor) VALUES (?1, ?2, ?3, ?4)",
+                params![signed(trial.rollout), blob(&search.mean), blob(&search.std), search.floor],
+            )?;
+            transaction.execute(
+                "INSERT OR REPLACE INTO meta (key, value) VALUES ('durable_rollout', ?1)",
+                [trial.rollout.to_string()],
+            )?;
+            Ok(())
+        })
+    }
+
+    /// Appends to the session's diary.
+    pub fn record_event(&mut self, kind: &str, text: &str) -> Result<(), StoreError> {
+        self.transaction(|transaction| {
+            transaction.execute("INSERT INTO events (kind, text) VALUES (?1, ?2)", [kind, text])?;
+            Ok(())
+        })
+    }
+
+    /// That the file holds something no program of this format wrote.
+    pub(crate) fn corrupt(&self, detail: String) -> StoreError {
+        StoreError::Corrupt { path: self.path.clone(), detail }
+    }
+
+    fn policy_text(&self, policy: &PolicyMsg) -> Result<String, StoreError> {
+        policy_json::to_json(policy)
+            .map_err(|error| self.corrupt(format!("policy {}: {error}", policy.policy_id)))
+    }
+
+    fn sql<T>(&self, result: rusqlite::Result<T>) -> Result<T, StoreError> {
+        result.map_err(|error| StoreError::from_sql(&self.path, error))
+    }
+
+    fn transaction(
+        &mut self,
+        write: impl FnOnce(&Transaction<'_>) -> rusqlite::Result<()>,
+    ) -> Result<(), StoreError> {
+        let run = || {
+            let transaction = self.connection.transaction()?;
+            write(&transaction)?;
+            transaction.commit()
+        };
+        run().map_err(|error| StoreError::from_sql(&self.path, error))
+    }
+}
+
+/// A connection on which commits are durable and references checked.
+fn connect(path: &Path, flags: OpenFlags) -> rusqlite::Result<Connection> {
+    let connection = Connection::open_with_flags(path, flags)?;
+    connection.busy_timeout(BUSY_TIMEOUT)?;
+    connection.pragma_update(None, "synchronous", "FULL")?;
+    connection.pragma_update(None, "foreign_keys", "ON")?;
+    Ok(connection)
+}
+
+#[cfg(test)]
+mod tests;

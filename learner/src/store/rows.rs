@@ -1,0 +1,199 @@
+//! The rows of the session file as Rust values, and their encoding.
+
+use nalgebra::DVector;
+use rusqlite::{Row, Transaction, named_params, params};
+use shm_types::episode::{OUTCOME_SUCCESS, OutcomeMsg};
+use shm_types::policy::PolicyMsg;
+
+use crate::path::{self, PathRow};
+use crate::trial::Trial;
+
+/// Where a policy comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PolicyKind {
+    /// Fitted to the demonstration.
+    Initial,
+    /// Executed as a rollout.
+    Trial,
+    /// The mean of the search.
+    Mean,
+}
+
+impl PolicyKind {
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            PolicyKind::Initial => "initial",
+            PolicyKind::Trial => "trial",
+            PolicyKind::Mean => "mean",
+        }
+    }
+}
+
+/// A row of `trials`, without its path.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrialRecord {
+    pub rollout: u64,
+    pub theta: DVector<f64>,
+    pub reward: f64,
+    pub policy_id: u64,
+    pub policy_digest: u64,
+    /// Start of the controller that ran it; `applied_tick` counts from there.
+    pub boot_id: u64,
+    pub applied_tick: u64,
+    pub fault: u64,
+    pub n_records: u64,
+    pub outcome: OutcomeMsg,
+}
+
+impl TrialRecord {
+    pub fn success(&self) -> bool {
+        self.outcome.has(OUTCOME_SUCCESS)
+    }
+
+    pub fn trial(&self) -> Trial {
+        Trial { rollout: self.rollout, theta: self.theta.clone(), reward: self.reward }
+    }
+}
+
+/// A row of `events`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Event {
+    pub kind: String,
+    pub text: String,
+}
+
+/// Columns of `trials` in the order [`trial_from_row`] reads them.
+pub(super) const TRIAL_COLUMNS: &str = "rollout, theta, reward, policy_id, policy_digest, boot_id, \
+     applied_tick, fault, n_records, outcome_flags, release_time_s, release_speed_m_s, \
+     release_spin_rad_s, apex_m, crossing_time_s, flip_angle_rad, distance_m, lateral_m, \
+     final_lateral_m";
+
+/// A trial; the error says which value is damaged.
+pub(super) fn trial_from_row(row: &Row<'_>) -> rusqlite::Result<Result<TrialRecord, String>> {
+    let rollout = integer(row.get(0)?);
+    let theta = vector(&row.get::<_, Vec<u8>>(1)?);
+    let (digest, boot_id) =
+        (from_hex(&row.get::<_, String>(4)?), from_hex(&row.get::<_, String>(5)?));
+    let reward: f64 = row.get(2)?;
+    let outcome = OutcomeMsg {
+        flags: integer(row.get(9)?),
+        release_time_s: row.get(10)?,
+        release_speed_m_s: row.get(11)?,
+        release_spin_rad_s: row.get(12)?,
+        apex_m: row.get(13)?,
+        crossing_time_s: row.get(14)?,
+        flip_angle_rad: row.get(15)?,
+        distance_m: row.get(16)?,
+        lateral_m: row.get(17)?,
+        final_lateral_m: row.get(18)?,
+    };
+    let (Some(theta), Some(policy_digest), Some(boot_id)) = (theta, digest, boot_id) else {
+        return Ok(Err(format!("trial {rollout}: theta, policy_digest or boot_id is damaged")));
+    };
+    if !(reward.is_finite() && reward >= 0.0) {
+        return Ok(Err(format!("trial {rollout}: reward is {reward}")));
+    }
+    Ok(Ok(TrialRecord {
+        rollout,
+        theta,
+        reward,
+        policy_id: integer(row.get(3)?),
+        policy_digest,
+        boot_id,
+        applied_tick: integer(row.get(6)?),
+        fault: integer(row.get(7)?),
+        n_records: integer(row.get(8)?),
+        outcome,
+    }))
+}
+
+pub(super) fn insert_policy(
+    transaction: &Transaction<'_>,
+    kind: PolicyKind,
+    policy: &PolicyMsg,
+    text: &str,
+) -> rusqlite::Result<()> {
+    transaction.execute(
+        "INSERT INTO policies (policy_id, kind, rollout, digest, message) \
+         VALUES (?1, ?2, ?3, ?4, ?5)",
+        params![
+            signed(policy.policy_id),
+            kind.name(),
+            signed(policy.rollout),
+            hex(policy.digest),
+            text
+        ],
+    )?;
+    Ok(())
+}
+
+pub(super) fn insert_trial(
+    transaction: &Transaction<'_>,
+    trial: &TrialRecord,
+    path: &[PathRow],
+) -> rusqlite::Result<()> {
+    let query = format!(
+        "INSERT INTO trials ({TRIAL_COLUMNS}, success, path) VALUES (:rollout, :theta, :reward, \
+         :policy_id, :policy_digest, :boot_id, :applied_tick, :fault, :n_records, :flags, \
+         :release_time_s, :release_speed_m_s, :release_spin_rad_s, :apex_m, :crossing_time_s, \
+         :flip_angle_rad, :distance_m, :lateral_m, :final_lateral_m, :success, :path)"
+    );
+    let outcome = &trial.outcome;
+    transaction.execute(
+        &query,
+        named_params! {
+            ":rollout": signed(trial.rollout),
+            ":theta": blob(&trial.theta),
+            ":reward": trial.reward,
+            ":policy_id": signed(trial.policy_id),
+            ":policy_digest": hex(trial.policy_digest),
+            ":boot_id": hex(trial.boot_id),
+            ":applied_tick": signed(trial.applied_tick),
+            ":fault": signed(trial.fault),
+            ":n_records": signed(trial.n_records),
+            ":flags": signed(outcome.flags),
+            ":release_time_s": outcome.release_time_s,
+            ":release_speed_m_s": outcome.release_speed_m_s,
+            ":release_spin_rad_s": outcome.release_spin_rad_s,
+            ":apex_m": outcome.apex_m,
+            ":crossing_time_s": outcome.crossing_time_s,
+            ":flip_angle_rad": outcome.flip_angle_rad,
+            ":distance_m": outcome.distance_m,
+            ":lateral_m": outcome.lateral_m,
+            ":final_lateral_m": outcome.final_lateral_m,
+            ":success": trial.success(),
+            ":path": path::encode(path),
+        },
+    )?;
+    Ok(())
+}
+
+/// A counter as SQLite's signed integer, bit for bit.
+pub(super) fn signed(value: u64) -> i64 {
+    value.cast_signed()
+}
+
+pub(super) fn integer(value: i64) -> u64 {
+    value.cast_unsigned()
+}
+
+pub(super) fn hex(value: u64) -> String {
+    format!("{value:016x}")
+}
+
+pub(super) fn from_hex(text: &str) -> Option<u64> {
+    u64::from_str_radix(text, 16).ok()
+}
+
+/// Little-endian f64.
+pub(super) fn blob(vector: &DVector<f64>) -> Vec<u8> {
+    vector.iter().flat_map(|value| value.to_le_bytes()).collect()
+}
+
+/// Inverse of [`blob`]; `None` if the bytes are no finite vector.
+pub(super) fn vector(bytes: &[u8]) -> Option<DVector<f64>> {
+    let (numbers, rest) = bytes.as_chunks::<8>();
+    let values: Vec<f64> = numbers.iter().map(|number| f64::from_le_bytes(*number)).collect();
+    let sound = rest.is_empty() && values.iter().all(|value| value.is_finite());
+    sound.then(|| DVector::from_vec(values))
+}

@@ -1,0 +1,60 @@
+-- A session: everything needed to resume it, readable with any SQLite tool.
+-- θ, mean and std are BLOBs of little-endian f64 in scaled units (path: f32, 20 columns a row).
+-- 64-bit identities (session, boot, digest) are hexadecimal text: SQLite's integers are signed.
+
+CREATE TABLE meta (
+    key TEXT PRIMARY KEY,
+    value TEXT NOT NULL
+) STRICT;
+
+CREATE TABLE policies (
+    policy_id INTEGER PRIMARY KEY,
+    kind TEXT NOT NULL CHECK (kind IN ('initial', 'trial', 'mean')),
+    rollout INTEGER NOT NULL,
+    digest TEXT NOT NULL,
+    message TEXT NOT NULL
+) STRICT;
+
+-- Written before the policy is published.
+CREATE TABLE proposals (
+    rollout INTEGER PRIMARY KEY,
+    theta BLOB NOT NULL
+) STRICT;
+
+CREATE TABLE trials (
+    rollout INTEGER PRIMARY KEY REFERENCES proposals (rollout),
+    theta BLOB NOT NULL,
+    reward REAL NOT NULL CHECK (reward >= 0),
+    success INTEGER NOT NULL,
+    policy_id INTEGER NOT NULL REFERENCES policies (policy_id),
+    policy_digest TEXT NOT NULL,
+    boot_id TEXT NOT NULL,
+    applied_tick INTEGER NOT NULL,
+    fault INTEGER NOT NULL,
+    n_records INTEGER NOT NULL,
+    outcome_flags INTEGER NOT NULL,
+    release_time_s REAL NOT NULL,
+    release_speed_m_s REAL NOT NULL,
+    release_spin_rad_s REAL NOT NULL,
+    apex_m REAL NOT NULL,
+    crossing_time_s REAL NOT NULL,
+    flip_angle_rad REAL NOT NULL,
+    distance_m REAL NOT NULL,
+    lateral_m REAL NOT NULL,
+    final_lateral_m REAL NOT NULL,
+    path BLOB NOT NULL
+) STRICT;
+
+-- The state of the search after a trial: the distribution of the next proposal.
+CREATE TABLE searches (
+    rollout INTEGER PRIMARY KEY REFERENCES trials (rollout),
+    mean BLOB NOT NULL,
+    std BLOB NOT NULL,
+    floor REAL NOT NULL
+) STRICT;
+
+CREATE TABLE events (
+    id INTEGER PRIMARY KEY,
+    kind TEXT NOT NULL,
+    text TEXT NOT NULL
+) STRICT;

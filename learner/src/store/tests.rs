@@ -1,0 +1,236 @@
+//! What is written comes back bit for bit, and every file that is not a sound session is refused
+//! with a message that says what to do.
+
+use nalgebra::DVector;
+use shm_types::episode::{OUTCOME_SUCCESS, OutcomeMsg};
+use tempfile::TempDir;
+
+use super::*;
+use crate::config::LearnerConfig;
+use crate::path::decimate;
+
+fn meta() -> SessionMeta {
+    SessionMeta {
+        task: "pancake".into(),
+        session_id: u64::MAX - 1,
+        config_toml: "[learner]\nseed = 3\n".into(),
+        learner: LearnerConfig { seed: 3, kappa_p: 0.1 + 0.2 + 200.0, ..Default::default() },
+    }
+}
+
+fn policy(policy_id: u64) -> PolicyMsg {
+    let mut policy =
+        PolicyMsg { n_components: 1, policy_id, rollout: policy_id, ..PolicyMsg::EMPTY };
+    policy.session = meta().session_id;
+    policy.components[0].attractor[0] = 1.0 / 3.0 + policy_id as f64;
+    policy.sealed()
+}
+
+fn proposal(rollout: u64) -> Proposal {
+    Proposal { rollout, theta: DVector::from_vec(vec![0.1 * rollout as f64, -0.0, 1e-300]) }
+}
+
+fn record(rollout: u64) -> TrialRecord {
+    TrialRecord {
+        rollout,
+        theta: proposal(rollout).theta,
+        reward: 1.0 / 3.0,
+        policy_id: rollout,
+        policy_digest: policy(rollout).digest,
+        boot_id: u64::MAX,
+        applied_tick: u64::MAX,
+        fault: 2,
+        n_records: 25,
+        outcome: OutcomeMsg {
+            flags: OUTCOME_SUCCESS,
+            apex_m: 0.7,
+            lateral_m: -0.1,
+            ..OutcomeMsg::ZERO
+        },
+    }
+}
+
+fn snapshot() -> SearchSnapshot {
+    let mean = DVector::from_vec(vec![1.0, 0.1, -3.0]);
+    SearchSnapshot { std: mean.map(f64::abs), mean, floor: 0.2 }
+}
+
+fn rows() -> Vec<PathRow> {
+    decimate(&[shm_types::episode::TickRecord::ZERO; 25])
+}
+
+fn session(directory: &TempDir) -> (PathBuf, Store) {
+    let path = directory.path().join("session.db");
+    let store = Store::create(&path, meta(), &policy(0)).expect("an empty folder");
+    (path, store)
+}
+
+fn refusal(path: &Path) -> String {
+    match Store::open(path) {
+        Ok(_) => panic!("{path:?} must be refused"),
+        Err(error) => error.to_string(),
+    }
+}
+
+#[test]
+fn everything_comes_back_bit_for_bit_after_reopening() {
+    let directory = TempDir::new().unwrap();
+    let (path, mut store) = session(&directory);
+    assert_eq!((store.trial_count().unwrap(), store.durable_rollout().unwrap()), (0, 0));
+    for rollout in 1..=2 {
+        store.put_proposal(&proposal(rollout), &policy(rollout)).unwrap();
+        assert_eq!(store.pending_proposal().unwrap(), Some(proposal(rollout)));
+        store.record_trial(&record(rollout), &snapshot(), &rows()).unwrap();
+        assert_eq!(store.pending_proposal().unwrap(), None);
+    }
+    store.record_event("created", "with seed 3").unwrap();
+    drop(store);
+
+    let store = Store::open(&path).unwrap();
+    assert_eq!(store.meta(), &meta());
+    assert_eq!(store.trials().unwrap(), [record(1), record(2)]);
+    assert_eq!((store.trial_count().unwrap(), store.durable_rollout().unwrap()), (2, 2));
+    assert_eq!(store.path(2).unwrap(), Some(rows()));
+    assert_eq!(store.path(3).unwrap(), None);
+    assert_eq!(store.policy(2).unwrap(), Some(policy(2)));
+    assert_eq!(store.policy(7).unwrap(), None);
+    assert_eq!(store.initial_policy().unwrap(), policy(0));
+    assert_eq!(store.searches().unwrap(), [(1, snapshot()), (2, snapshot())]);
+    let event = Event { kind: "created".into(), text: "with seed 3".into() };
+    assert_eq!(store.events().unwrap(), [event]);
+}
+
+#[test]
+fn a_failed_write_leaves_nothing_behind() {
+    let directory = TempDir::new().unwrap();
+    let (_, mut store) = session(&directory);
+    store.put_proposal(&proposal(1), &policy(1)).unwrap();
+    // The second statement of the transaction fails: a search snapshot is there already.
+    store.connection.execute_batch("PRAGMA foreign_keys = OFF").unwrap();
+    let blocker = "INSERT INTO searches VALUES (1, x'', x'', 0)";
+    store.connection.execute_batch(blocker).unwrap();
+    assert!(store.record_trial(&record(1), &snapshot(), &rows()).is_err());
+    assert_eq!((store.trial_count().unwrap(), store.durable_rollout().unwrap()), (0, 0));
+    assert_eq!(store.pending_proposal().unwrap(), Some(proposal(1)));
+}
+
+#[test]
+fn a_trial_is_stored_once_and_only_for_a_proposal() {
+    let directory = TempDir::new().unwrap();
+    let (_, mut store) = session(&directory);
+    assert!(store.record_trial(&record(1), &snapshot(), &[]).is_err());
+    store.put_proposal(&proposal(1), &policy(1)).unwrap();
+    store.record_trial(&record(1), &snapshot(), &[]).unwrap();
+    assert!(store.record_trial(&record(1), &snapshot(), &[]).is_err());
+    assert_eq!(store.trial_count().unwrap(), 1);
+}
+
+#[test]
+fn is_durable_and_checked() {
+    let directory = TempDir::new().unwrap();
+    let (path, store) = session(&directory);
+    drop(store);
+    let store = Store::open(&path).unwrap();
+    let number = |name| -> i64 {
+        store.connection.pragma_query_value(None, name, |row| row.get(0)).unwrap()
+    };
+    assert_eq!((number("synchronous"), number("foreign_keys")), (2, 1));
+    let mode: String =
+        store.connection.pragma_query_value(None, "journal_mode", |row| row.get(0)).unwrap();
+    assert_eq!(mode, "wal");
+}
+
+#[test]
+fn never_overwrites_and_never_invents_a_session() {
+    let directory = TempDir::new().unwrap();
+    let (path, store) = session(&directory);
+    let error = Store::create(&path, meta(), &policy(0)).err().unwrap().to_string();
+    assert!(error.contains("exists already") && error.contains("--out"), "{error}");
+    drop(store);
+    assert!(refusal(&directory.path().join("other.db")).contains("does not exist"));
+    let nowhere = directory.path().join("no/such/folder.db");
+    let error = Store::create(&nowhere, meta(), &policy(0)).err().unwrap().to_string();
+    assert!(error.contains("check that its folder exists"), "{error}");
+}
+
+#[test]
+fn refuses_what_is_not_a_skillet_session() {
+    let directory = TempDir::new().unwrap();
+    let foreign = directory.path().join("foreign.db");
+    Connection::open(&foreign).unwrap().execute_batch("CREATE TABLE photos (x)").unwrap();
+    let text = directory.path().join("text.db");
+    std::fs::write(&text, "Dear diary, today I flipped a pancake.".repeat(100)).unwrap();
+    let empty = directory.path().join("empty.db");
+    std::fs::write(&empty, "").unwrap();
+    for path in [foreign, text, empty] {
+        let message = refusal(&path);
+        assert!(message.contains("is not a Skillet session"), "{message}");
+        assert!(message.contains("move it away"), "{message}");
+    }
+}
+
+#[test]
+fn refuses_another_format_and_another_task() {
+    let directory = TempDir::new().unwrap();
+    let (path, store) = session(&directory);
+    assert!(store.expect_task("pancake").is_ok());
+    let error = store.expect_task("skittles").unwrap_err().to_string();
+    assert!(error.contains("of the task `pancake`, not `skittles`"), "{error}");
+    store.connection.pragma_update(None, "user_version", 99).unwrap();
+    drop(store);
+    assert!(refusal(&path).contains("session format 99, this program writes 1"));
+}
+
+#[test]
+fn refuses_damaged_files() {
+    let directory = TempDir::new().unwrap();
+    let (path, mut store) = session(&directory);
+    store.put_proposal(&proposal(1), &policy(1)).unwrap();
+    store.record_trial(&record(1), &snapshot(), &rows()).unwrap();
+    let damage = |sql: &str| store.connection.execute_batch(sql).unwrap();
+    damage("UPDATE trials SET theta = x'00'");
+    assert!(store.trials().unwrap_err().to_string().contains("trial 1: theta"));
+    damage("UPDATE trials SET path = x'00'");
+    assert!(store.path(1).unwrap_err().to_string().contains("trial 1: path has 1 bytes"));
+    damage("UPDATE policies SET digest = 'beef'");
+    assert!(store.policy(1).unwrap_err().to_string().contains("policy 1 does not match"));
+    damage("DELETE FROM policies WHERE kind = 'initial'");
+    assert!(store.initial_policy().unwrap_err().to_string().contains("no initial policy"));
+    drop(store);
+
+    let sound = std::fs::read(&path).unwrap();
+    let mut bytes = sound.clone();
+    bytes[4096..].fill(0xa5);
+    std::fs::write(&path, bytes).unwrap();
+    let message = refusal(&path);
+    assert!(message.contains("corrupted") && message.contains(".recover"), "{message}");
+    std::fs::write(&path, &sound[..sound.len() / 2]).unwrap();
+    assert!(refusal(&path).contains("corrupted"), "{}", refusal(&path));
+}
+
+#[test]
+fn says_so_when_the_disk_is_full_or_read_only() {
+    let directory = TempDir::new().unwrap();
+    let (_, mut store) = session(&directory);
+    let pages: i64 =
+        store.connection.pragma_query_value(None, "page_count", |row| row.get(0)).unwrap();
+    store.connection.pragma_update(None, "max_page_count", pages).unwrap();
+    let error = store.record_event("long", &"x".repeat(100_000)).unwrap_err();
+    assert!(matches!(error, StoreError::DiskFull { .. }), "{error}");
+    assert!(store.events().unwrap().is_empty());
+
+    store.connection.pragma_update(None, "query_only", true).unwrap();
+    let error = store.record_event("a", "b").unwrap_err();
+    assert!(matches!(error, StoreError::ReadOnly { .. }), "{error}");
+}
+
+#[test]
+fn says_so_when_another_program_holds_the_file() {
+    let directory = TempDir::new().unwrap();
+    let (path, mut store) = session(&directory);
+    let other = Connection::open(&path).unwrap();
+    other.execute_batch("BEGIN IMMEDIATE").unwrap();
+    store.connection.busy_timeout(Duration::ZERO).unwrap();
+    let error = store.record_event("a", "b").unwrap_err();
+    assert!(matches!(error, StoreError::Busy { .. }), "{error}");
+}

@@ -1,0 +1,94 @@
+//! What a rollout and a session have achieved, in a few numbers.
+
+use serde::Serialize;
+use shm_types::episode::OutcomeMsg;
+
+use crate::store::TrialRecord;
+
+/// Trials at the end of a session that count as "late".
+pub const LATE_TRIALS: usize = 20;
+
+/// What became of a rollout.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrialReport {
+    pub rollout: u64,
+    pub reward: f64,
+    pub success: bool,
+    pub fault: u64,
+    pub outcome: OutcomeMsg,
+}
+
+/// What became of a session.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Summary {
+    pub trials: u64,
+    pub successes: u64,
+    pub first_success: Option<u64>,
+    /// Share of successes among the last 20 trials, or among all if there are fewer; 0 of none.
+    pub success_last20: f64,
+    pub best_reward: f64,
+    /// The first trial with the best reward.
+    pub best_rollout: Option<u64>,
+}
+
+impl Summary {
+    /// Summary of trials in the order of their rollouts.
+    pub fn of(trials: &[TrialRecord]) -> Self {
+        let late = &trials[trials.len().saturating_sub(LATE_TRIALS)..];
+        let count = |trials: &[TrialRecord]| trials.iter().filter(|t| t.success()).count();
+        let best = trials.iter().reduce(|a, b| if b.reward > a.reward { b } else { a });
+        Summary {
+            trials: trials.len() as u64,
+            successes: count(trials) as u64,
+            first_success: trials.iter().find(|trial| trial.success()).map(|trial| trial.rollout),
+            success_last20: count(late) as f64 / late.len().max(1) as f64,
+            best_reward: best.map_or(0.0, |trial| trial.reward),
+            best_rollout: best.map(|trial| trial.rollout),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::DVector;
+    use shm_types::episode::OUTCOME_SUCCESS;
+
+    fn trial(rollout: u64, reward: f64, success: bool) -> TrialRecord {
+        let flags = if success { OUTCOME_SUCCESS } else { 0 };
+        TrialRecord {
+            rollout,
+            theta: DVector::zeros(1),
+            reward,
+            policy_id: rollout,
+            policy_digest: 0,
+            boot_id: 0,
+            applied_tick: 0,
+            fault: 0,
+            n_records: 0,
+            outcome: OutcomeMsg { flags, ..OutcomeMsg::ZERO },
+        }
+    }
+
+    #[test]
+    fn counts_early_and_late_successes() {
+        let trials: Vec<_> = (1..=30).map(|n| trial(n, (n % 7) as f64, n == 5 || n > 25)).collect();
+        let expected = Summary {
+            trials: 30,
+            successes: 6,
+            first_success: Some(5),
+            success_last20: 0.25,
+            best_reward: 6.0,
+            best_rollout: Some(6),
+        };
+        assert_eq!(Summary::of(&trials), expected);
+        assert_eq!(Summary::of(&trials[..10]).success_last20, 0.1);
+    }
+
+    #[test]
+    fn of_nothing_is_nothing() {
+        let summary = Summary::of(&[]);
+        assert_eq!((summary.best_rollout, summary.first_success), (None, None));
+        assert_eq!((summary.best_reward, summary.success_last20), (0.0, 0.0));
+    }
+}

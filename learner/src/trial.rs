@@ -1,0 +1,18 @@
+//! What the search exchanges with the session: a proposal to execute, a trial to learn from.
+
+use nalgebra::DVector;
+
+/// A θ to be executed as rollout `rollout` (from 1).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Proposal {
+    pub rollout: u64,
+    pub theta: DVector<f64>,
+}
+
+/// The pair (θ, r) the learner keeps of a rollout; r is finite and not negative.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Trial {
+    pub rollout: u64,
+    pub theta: DVector<f64>,
+    pub reward: f64,
+}

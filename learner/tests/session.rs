@@ -1,0 +1,253 @@
+//! A session against a made-up controller: deterministic, resumable at any point, and deaf to
+//! episodes that are not its own.
+
+use std::path::Path;
+
+use learner::config::{LearnerConfig, Method};
+use learner::learner::{CompleteError, LearnerError, MEAN_POLICY_ID, SESSION_FILE};
+use learner::store::SessionMeta;
+use learner::{Demonstration, Learner};
+use shm_types::episode::{EpisodeHeader, OUTCOME_SUCCESS, OutcomeMsg, TickRecord};
+use shm_types::policy::PolicyMsg;
+use tempfile::TempDir;
+
+const SESSION: u64 = 0xfeed_0000_0000_0001;
+
+fn demonstration() -> Demonstration {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../demos/pancake.csv");
+    let text = std::fs::read_to_string(path).expect("the project's demonstration");
+    Demonstration::parse("pancake.csv", &text).expect("it is valid")
+}
+
+fn config(seed: u64) -> LearnerConfig {
+    LearnerConfig { seed, ..Default::default() }
+}
+
+fn create(directory: &Path, config: LearnerConfig) -> Learner {
+    let meta = SessionMeta {
+        task: "pancake".into(),
+        session_id: SESSION,
+        config_toml: String::new(),
+        learner: config,
+    };
+    Learner::create(directory, meta, &demonstration()).expect("a new session")
+}
+
+/// The made-up controller: the pancake rises the higher, the higher the attractors in the middle.
+fn execute(policy: &PolicyMsg) -> (EpisodeHeader, Vec<TickRecord>) {
+    assert_eq!(policy.validate(), Ok(()));
+    let apex_m = (policy.components[3].attractor[2] - 0.5).max(0.0);
+    let flags = if apex_m > 0.7 { OUTCOME_SUCCESS } else { 0 };
+    let header = EpisodeHeader {
+        boot_id: 77,
+        session: policy.session,
+        rollout: policy.rollout,
+        policy_id: policy.policy_id,
+        policy_digest: policy.digest,
+        applied_tick: 1000 * policy.rollout,
+        n_records: 30,
+        outcome: OutcomeMsg { flags, apex_m, ..OutcomeMsg::ZERO },
+        ..Default::default()
+    };
+    (header, vec![TickRecord::ZERO; 32])
+}
+
+fn run(learner: &mut Learner, until: u64) {
+    while learner.durable_rollout() < until {
+        let policy = learner.next_policy().expect("the disk has space");
+        let (header, records) = execute(&policy);
+        let report = learner.complete(&policy, &header, &records).expect("the episode is its own");
+        assert_eq!(report.reward, 0.5 * header.outcome.apex_m);
+    }
+}
+
+fn theta_bits(learner: &Learner) -> Vec<Vec<u64>> {
+    let bits = |values: &[f64]| values.iter().map(|value| value.to_bits()).collect();
+    learner.trials().iter().map(|trial| bits(trial.theta.as_slice())).collect()
+}
+
+#[test]
+fn same_seed_same_bits() {
+    for method in [Method::Power, Method::Random] {
+        let run_once = |seed| {
+            let directory = TempDir::new().unwrap();
+            let mut learner = create(directory.path(), LearnerConfig { method, ..config(seed) });
+            run(&mut learner, 30);
+            theta_bits(&learner)
+        };
+        assert_eq!(run_once(1), run_once(1));
+        assert_ne!(run_once(1), run_once(2));
+    }
+}
+
+#[test]
+fn resuming_after_40_trials_equals_100_without_a_stop() {
+    let whole = TempDir::new().unwrap();
+    let mut reference = create(whole.path(), config(5));
+    run(&mut reference, 100);
+    assert!(reference.is_done());
+
+    let split = TempDir::new().unwrap();
+    let mut learner = create(split.path(), config(5));
+    run(&mut learner, 40);
+    drop(learner);
+    let mut learner = Learner::resume(split.path(), "pancake", &config(5)).expect("resumes");
+    assert_eq!(learner.durable_rollout(), 40);
+    run(&mut learner, 100);
+
+    assert_eq!(theta_bits(&learner), theta_bits(&reference));
+    assert_eq!(learner.summary(), reference.summary());
+    assert_eq!(learner.mean_policy().unwrap(), reference.mean_policy().unwrap());
+    assert_eq!(learner.store().searches().unwrap(), reference.store().searches().unwrap());
+    assert!(learner.summary().best_reward > learner.trials()[0].reward);
+}
+
+#[test]
+fn a_crash_after_publishing_loses_no_rollout() {
+    let directory = TempDir::new().unwrap();
+    let mut learner = create(directory.path(), config(2));
+    run(&mut learner, 15);
+    let published = learner.next_policy().unwrap();
+    drop(learner);
+
+    let mut learner = Learner::resume(directory.path(), "pancake", &config(2)).unwrap();
+    // The controller finished the rollout meanwhile: its episode counts without asking again.
+    let (header, records) = execute(&published);
+    assert_eq!(learner.complete(&published, &header, &records).unwrap().rollout, 16);
+    assert_eq!(learner.next_policy().unwrap().rollout, 17);
+    drop(learner);
+
+    let mut learner = Learner::resume(directory.path(), "pancake", &config(2)).unwrap();
+    let again = learner.next_policy().unwrap();
+    assert_eq!(again, learner.next_policy().unwrap());
+    assert_eq!(learner.store().policy(17).unwrap(), Some(again));
+    let kinds: Vec<_> = learner.store().events().unwrap().into_iter().map(|e| e.kind).collect();
+    assert_eq!(kinds, ["created", "resumed", "resumed"]);
+}
+
+#[test]
+fn the_first_rollout_is_the_demonstration() {
+    let directory = TempDir::new().unwrap();
+    let mut learner = create(directory.path(), config(2));
+    let first = learner.next_policy().unwrap();
+    let initial = learner.store().initial_policy().unwrap();
+    assert_eq!((first.session, first.rollout, first.policy_id), (SESSION, 1, 1));
+    assert_eq!((initial.session, initial.rollout, initial.policy_id), (SESSION, 0, 0));
+    for (a, b) in first.components().iter().zip(initial.components()) {
+        for (a, b) in
+            a.attractor.iter().chain(&a.stiffness).zip(b.attractor.iter().chain(&b.stiffness))
+        {
+            assert!((a - b).abs() < 1e-9 * b.abs().max(1.0));
+        }
+    }
+}
+
+#[test]
+fn refuses_episodes_that_are_not_its_own_and_changes_nothing() {
+    let directory = TempDir::new().unwrap();
+    let mut learner = create(directory.path(), config(3));
+    run(&mut learner, 12);
+    let duplicate = execute(&learner.store().policy(12).unwrap().unwrap());
+    let policy = learner.next_policy().unwrap();
+    let (header, records) = execute(&policy);
+    let mut refused = |header: EpisodeHeader, records: &[TickRecord]| {
+        learner.complete(&policy, &header, records).expect_err("not its own")
+    };
+
+    let foreign = refused(EpisodeHeader { session: 1, ..header }, &records);
+    assert!(matches!(foreign, CompleteError::ForeignSession { found: 1, expected: SESSION }));
+    let late = refused(duplicate.0, &duplicate.1);
+    assert!(matches!(late, CompleteError::Duplicate { rollout: 12 }));
+    for rollout in [0, 14, u64::MAX] {
+        let early = refused(EpisodeHeader { rollout, ..header }, &records);
+        assert!(matches!(early, CompleteError::NotAsked { .. }), "{early}");
+    }
+    let other = refused(EpisodeHeader { policy_digest: 1, ..header }, &records);
+    assert!(matches!(other, CompleteError::OtherPolicy { rollout: 13 }));
+    let other = refused(EpisodeHeader { policy_id: 1, ..header }, &records);
+    assert!(matches!(other, CompleteError::OtherPolicy { rollout: 13 }));
+    let short = refused(header, &records[..3]);
+    assert!(matches!(short, CompleteError::Invalid(_)));
+
+    let altered = PolicyMsg { duration_s: 2.0, ..policy }.sealed();
+    let other = learner.complete(&altered, &header, &records).expect_err("never published");
+    assert!(matches!(other, CompleteError::OtherPolicy { rollout: 13 }));
+
+    assert_eq!(learner.store().trial_count().unwrap(), 12);
+    assert_eq!(learner.next_policy().unwrap(), policy);
+    learner.complete(&policy, &header, &records).expect("the right one still counts");
+    assert_eq!(learner.store().path(13).unwrap().map(|rows| rows.len()), Some(3));
+}
+
+#[test]
+fn a_trial_that_could_not_be_stored_was_not_learnt() {
+    let directory = TempDir::new().unwrap();
+    let mut learner = create(directory.path(), config(3));
+    run(&mut learner, 20);
+    let policy = learner.next_policy().unwrap();
+    let mean = learner.mean_policy().unwrap();
+    let (header, records) = execute(&policy);
+    // Another program put a row where the trial's search state belongs.
+    let database = rusqlite::Connection::open(directory.path().join(SESSION_FILE)).unwrap();
+    database.execute_batch("PRAGMA foreign_keys = OFF").unwrap();
+    database.execute_batch("INSERT INTO searches VALUES (21, x'', x'', 0)").unwrap();
+    let error = learner.complete(&policy, &header, &records).expect_err("the row is taken");
+    assert!(matches!(error, CompleteError::Learner(LearnerError::Store(_))), "{error}");
+    assert_eq!(learner.mean_policy().unwrap(), mean);
+    database.execute_batch("DELETE FROM searches WHERE rollout = 21").unwrap();
+    learner.complete(&policy, &header, &records).expect("it can be stored now");
+
+    let reference_directory = TempDir::new().unwrap();
+    let mut reference = create(reference_directory.path(), config(3));
+    run(&mut reference, 21);
+    assert_eq!(learner.next_policy().unwrap(), reference.next_policy().unwrap());
+}
+
+#[test]
+fn resumes_only_with_its_own_task_configuration_and_history() {
+    let directory = TempDir::new().unwrap();
+    let mut learner = create(directory.path(), config(3));
+    run(&mut learner, 12);
+    learner.next_policy().unwrap();
+    drop(learner);
+    let resume =
+        |task: &str, config: &LearnerConfig| Learner::resume(directory.path(), task, config);
+    let refused = |task: &str, config: &LearnerConfig| resume(task, config).err().unwrap();
+
+    let error = refused("skittles", &config(3)).to_string();
+    assert!(error.contains("task `pancake`"), "{error}");
+    let error = refused("pancake", &config(4)).to_string();
+    assert!(error.contains("learner.seed is 4, but the session was started with 3"), "{error}");
+    let error = refused("pancake", &LearnerConfig { kappa_p: -1.0, ..config(3) }).to_string();
+    assert!(error.contains("learner.kappa_p is -1"), "{error}");
+    assert!(resume("pancake", &LearnerConfig { rollouts: 12, ..config(3) }).unwrap().is_done());
+
+    // Another proposal pending, then another reward: the history no longer leads here.
+    let database = rusqlite::Connection::open(directory.path().join(SESSION_FILE)).unwrap();
+    for (change, not_reproduced) in [
+        (
+            "UPDATE proposals SET theta = (SELECT theta FROM trials WHERE rollout = 1) \
+          WHERE rollout = 13",
+            13,
+        ),
+        ("UPDATE trials SET reward = reward + 1 WHERE rollout = 4", 12),
+    ] {
+        database.execute_batch(change).unwrap();
+        let error = refused("pancake", &config(3));
+        assert!(
+            matches!(error, LearnerError::NotReproduced { rollout } if rollout == not_reproduced),
+            "{error}"
+        );
+    }
+}
+
+#[test]
+fn the_mean_is_stored_as_a_policy_of_no_rollout() {
+    let directory = TempDir::new().unwrap();
+    let mut learner = create(directory.path(), config(3));
+    run(&mut learner, 15);
+    let mean = learner.mean_policy().unwrap();
+    assert_eq!((mean.rollout, mean.policy_id), (0, MEAN_POLICY_ID + 15));
+    assert_eq!(learner.mean_policy().unwrap(), mean);
+    assert_eq!(learner.store().policy(mean.policy_id).unwrap(), Some(mean));
+}

@@ -1,0 +1,108 @@
+//! Settings of the controller; one table `[controller]` of the configuration file.
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+/// What paces the loop.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Pace {
+    /// The wall clock.
+    Realtime,
+    /// The simulation: the next tick starts when the last has ended. Same numbers, sooner.
+    Max,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ControllerConfig {
+    /// Length of a tick, µs.
+    pub period_us: u32,
+    /// SCHED_FIFO priority of the rt thread when paced by the wall clock.
+    pub priority: u8,
+    /// Core of the rt thread; the last one when absent.
+    pub cpu: Option<usize>,
+    /// Null-space and Approach posture gains, s⁻² and s⁻¹.
+    pub posture_stiffness: f64,
+    pub posture_damping: f64,
+    /// Fastest change of a torque, in torque limits per second.
+    pub torque_rate: f64,
+    /// The torque in the direction of motion fades from this fraction of the speed limit to the
+    /// limit itself.
+    pub speed_taper: f64,
+    /// A joint closer than this to its limit is pushed back, rad.
+    pub joint_margin_rad: f64,
+    /// Damping of the fall-back hold, in torque limits per (rad/s).
+    pub hold_damping: f64,
+    /// The start posture is held at least this long before a policy takes over, s.
+    pub approach_s: f64,
+    /// Longest Settle phase, s.
+    pub settle_s: f64,
+}
+
+impl Default for ControllerConfig {
+    fn default() -> Self {
+        ControllerConfig {
+            period_us: 1000,
+            priority: 80,
+            cpu: None,
+            posture_stiffness: 50.0,
+            posture_damping: 14.0,
+            torque_rate: 200.0,
+            speed_taper: 0.9,
+            joint_margin_rad: 0.05,
+            hold_damping: 0.1,
+            approach_s: 0.1,
+            settle_s: 1.2,
+        }
+    }
+}
+
+/// A setting outside its range.
+#[derive(Debug, Error, PartialEq)]
+#[error("controller.{field} is {value}: use a value within {min}..={max}")]
+pub struct ControllerConfigError {
+    pub field: &'static str,
+    pub value: f64,
+    pub min: f64,
+    pub max: f64,
+}
+
+impl ControllerConfig {
+    pub fn validate(&self) -> Result<(), ControllerConfigError> {
+        for (field, value, min, max) in [
+            ("period_us", f64::from(self.period_us), 250.0, 2000.0),
+            ("priority", f64::from(self.priority), 1.0, 98.0),
+            ("posture_stiffness", self.posture_stiffness, 0.0, 1000.0),
+            ("posture_damping", self.posture_damping, 0.0, 100.0),
+            ("torque_rate", self.torque_rate, 1.0, 1e4),
+            ("speed_taper", self.speed_taper, 0.1, 0.99),
+            ("joint_margin_rad", self.joint_margin_rad, 1e-3, 0.5),
+            ("hold_damping", self.hold_damping, 0.0, 1.0),
+            ("approach_s", self.approach_s, 0.01, 5.0),
+            ("settle_s", self.settle_s, 0.1, 5.0),
+        ] {
+            if !(min..=max).contains(&value) {
+                return Err(ControllerConfigError { field, value, min, max });
+            }
+        }
+        Ok(())
+    }
+
+    pub fn period_s(&self) -> f64 {
+        f64::from(self.period_us) * 1e-6
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_the_field_that_is_out_of_range() {
+        assert_eq!(ControllerConfig::default().validate(), Ok(()));
+        let bad = ControllerConfig { speed_taper: f64::NAN, ..Default::default() };
+        let message = bad.validate().unwrap_err().to_string();
+        assert!(message.contains("controller.speed_taper"), "{message}");
+    }
+}

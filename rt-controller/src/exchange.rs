@@ -1,0 +1,366 @@
+//! The exchange thread: everything iceoryx2, beside the loop and never in its way.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use physics::arm::ArmModel;
+use physics::outcome::Outcome;
+use rtrb::{Consumer, Producer};
+use shm_types::SCHEMA;
+use shm_types::command::{COMMAND_STOP, Command, Reply};
+use shm_types::episode::{
+    EpisodeHeader, OUTCOME_DROPPED, OUTCOME_EXPLOIT, OUTCOME_SUCCESS, OUTCOME_TOSSED, OutcomeMsg,
+};
+use shm_types::policy::PolicyMsg;
+use shm_types::ports::ControllerPorts;
+use shm_types::telemetry::{Heartbeat, TELEMETRY_TICKS, Telemetry, TelemetryTick};
+
+use crate::admission::{admit, records_needed};
+use crate::config::{ControllerConfig, Pace};
+use crate::run::{Done, Job, RunSummary};
+use crate::tick::Fault;
+use crate::timing::LoopStats;
+
+const POLL: Duration = Duration::from_micros(200);
+const BEAT: Duration = Duration::from_millis(100);
+const HOUSEKEEPING: Duration = Duration::from_secs(1);
+
+/// What the exchange needs to know of its controller.
+pub(crate) struct Setup<'a> {
+    pub model: &'a ArmModel,
+    pub config: &'a ControllerConfig,
+    pub pace: Pace,
+    pub privileged: &'a AtomicBool,
+}
+
+/// Names a rollout and the policy it runs.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Request {
+    session: u64,
+    rollout: u64,
+    policy_id: u64,
+    digest: u64,
+}
+
+impl Request {
+    fn of(message: &PolicyMsg) -> Request {
+        Request {
+            session: message.session,
+            rollout: message.rollout,
+            policy_id: message.policy_id,
+            digest: message.digest,
+        }
+    }
+}
+
+pub(crate) struct Exchange<'a> {
+    ports: ControllerPorts,
+    setup: Setup<'a>,
+    jobs: Producer<Job>,
+    done: Consumer<Done>,
+    telemetry: Consumer<TelemetryTick>,
+    stats: LoopStats,
+    batch: Telemetry,
+    batched: usize,
+    boot_id: u64,
+    /// Received, not yet handed to the loop.
+    pending: Option<PolicyMsg>,
+    in_flight: Option<Request>,
+    last: Request,
+    applied_tick: u64,
+    last_tick: TelemetryTick,
+    rollouts: u64,
+    refused: u64,
+    durable: (u64, u64),
+    beat_counter: u64,
+    learner_seen: Option<(Heartbeat, Instant)>,
+}
+
+impl<'a> Exchange<'a> {
+    pub fn new(
+        ports: ControllerPorts,
+        setup: Setup<'a>,
+        jobs: Producer<Job>,
+        done: Consumer<Done>,
+        telemetry: Consumer<TelemetryTick>,
+    ) -> Exchange<'a> {
+        let zero = TelemetryTick::ZERO;
+        Exchange {
+            ports,
+            setup,
+            jobs,
+            done,
+            telemetry,
+            stats: LoopStats::new(),
+            batch: Telemetry { schema: SCHEMA, lost: 0, ticks: [zero; TELEMETRY_TICKS] },
+            batched: 0,
+            boot_id: boot_id(),
+            pending: None,
+            in_flight: None,
+            last: Request::default(),
+            applied_tick: 0,
+            last_tick: zero,
+            rollouts: 0,
+            refused: 0,
+            durable: (0, 0),
+            beat_counter: 0,
+            learner_seen: None,
+        }
+    }
+
+    /// Serves the channels until `stop` is set or the rt thread has ended.
+    pub fn run(&mut self, stop: &AtomicBool, rt_ended: impl Fn() -> bool) -> RunSummary {
+        let mut next_beat = Instant::now();
+        let mut next_housekeeping = Instant::now() + HOUSEKEEPING;
+        while !stop.load(Ordering::Relaxed) && !rt_ended() {
+            self.drain_telemetry();
+            self.send_episodes();
+            self.receive_policies();
+            self.hand_over();
+            self.receive_acks_and_beats();
+            if self.serve_commands() {
+                stop.store(true, Ordering::Relaxed);
+            }
+            let now = Instant::now();
+            if now >= next_beat {
+                next_beat = now + BEAT;
+                self.beat_counter += 1;
+                let (boot_id, counter) = (self.boot_id, self.beat_counter);
+                let _ = self.ports.beat.send_copy(Heartbeat { schema: SCHEMA, boot_id, counter });
+            }
+            if now >= next_housekeeping {
+                next_housekeeping = now + HOUSEKEEPING;
+                self.ports.clean_up();
+            }
+            std::thread::sleep(POLL);
+        }
+        self.drain_telemetry();
+        self.summary()
+    }
+
+    fn summary(&self) -> RunSummary {
+        RunSummary {
+            rollouts: self.rollouts,
+            policies_refused: self.refused,
+            ticks: self.stats.ticks,
+            deadline_misses: self.stats.missed,
+            wakeup: self.stats.wakeup(),
+            tick: self.stats.tick(),
+        }
+    }
+
+    fn drain_telemetry(&mut self) {
+        while let Ok(tick) = self.telemetry.pop() {
+            self.stats.add(&tick);
+            self.batch.lost += tick.tick.saturating_sub(self.last_tick.tick + 1);
+            self.last_tick = tick;
+            self.batch.ticks[self.batched] = tick;
+            self.batched += 1;
+            if self.batched == TELEMETRY_TICKS {
+                // Nobody listening is no failure.
+                let _ = self.ports.telemetry.send_copy(self.batch);
+                self.batched = 0;
+                self.batch.lost = 0;
+            }
+        }
+    }
+
+    fn send_episodes(&mut self) {
+        while let Ok(mut done) = self.done.pop() {
+            let Some(request) = self.in_flight.take() else {
+                tracing::error!("an episode came back that was not asked for; dropped");
+                continue;
+            };
+            self.applied_tick = done.applied_tick;
+            self.rollouts += 1;
+            *done.episode.user_header_mut() = EpisodeHeader {
+                applied_tick: done.applied_tick,
+                n_records: done.n_records as u64,
+                fault: u64::from(done.fault),
+                outcome: outcome_message(&done.outcome),
+                ..self.header(&request)
+            };
+            if done.fault != 0 {
+                let why = Fault::describe(done.fault);
+                tracing::info!(rollout = request.rollout, "rollout ended early: {why}");
+            }
+            self.send(request, done.episode);
+        }
+    }
+
+    fn header(&self, request: &Request) -> EpisodeHeader {
+        EpisodeHeader {
+            boot_id: self.boot_id,
+            session: request.session,
+            rollout: request.rollout,
+            policy_id: request.policy_id,
+            policy_digest: request.digest,
+            period_ns: u64::from(self.setup.config.period_us) * 1000,
+            ..EpisodeHeader::default()
+        }
+    }
+
+    fn send(&mut self, request: Request, episode: shm_types::channel::EpisodeLoan) {
+        self.last = request;
+        match episode.send() {
+            Ok(0) => tracing::warn!(
+                rollout = request.rollout,
+                "no learner took the episode; it will ask for the rollout again"
+            ),
+            Ok(_) => {
+                let _ = self.ports.episode_sent.notify();
+            }
+            Err(error) => tracing::warn!(
+                rollout = request.rollout,
+                "episode not delivered ({error:?}); the learner will ask for the rollout again"
+            ),
+        }
+    }
+
+    /// Keeps the newest request. One that is in flight already is not started twice; one that has
+    /// ended is run again, because only a learner that missed its episode asks again.
+    fn receive_policies(&mut self) {
+        while let Ok(Some(sample)) = self.ports.policies.receive() {
+            let message = *sample;
+            if self.in_flight == Some(Request::of(&message)) {
+                continue;
+            }
+            self.pending = Some(message);
+        }
+    }
+
+    /// Admits the pending policy and hands it to the loop, with memory for its records.
+    fn hand_over(&mut self) {
+        if self.in_flight.is_some() {
+            return;
+        }
+        let Some(message) = self.pending.take() else { return };
+        let request = Request::of(&message);
+        let admitted = admit(&message, self.setup.model, self.setup.config);
+        let n_records = if admitted.is_ok() {
+            records_needed(&message, self.setup.config)
+        } else {
+            // The refusal travels as an episode without records.
+            1
+        };
+        let mut episode = match self.ports.loan_episode(n_records) {
+            Ok(episode) => episode,
+            Err(error) => {
+                tracing::warn!("{error}; trying again");
+                self.pending = Some(message);
+                return;
+            }
+        };
+        match admitted {
+            Ok(policy) => match self.jobs.push(Job { policy, episode }) {
+                Ok(()) => self.in_flight = Some(request),
+                Err(_) => self.pending = Some(message),
+            },
+            Err(error) => {
+                tracing::warn!(rollout = request.rollout, "policy refused: {error}");
+                self.refused += 1;
+                *episode.user_header_mut() =
+                    EpisodeHeader { fault: Fault::PolicyRefused as u64, ..self.header(&request) };
+                self.send(request, episode);
+            }
+        }
+    }
+
+    fn receive_acks_and_beats(&mut self) {
+        while let Ok(Some(ack)) = self.ports.acks.receive() {
+            if ack.schema == SCHEMA {
+                self.durable = (ack.session, ack.durable_rollout);
+            }
+        }
+        while let Ok(Some(beat)) = self.ports.learner_beat.receive() {
+            if beat.schema == SCHEMA && self.learner_seen.is_none_or(|(last, _)| last != *beat) {
+                self.learner_seen = Some((*beat, Instant::now()));
+            }
+        }
+    }
+
+    /// Returns true when asked to stop.
+    fn serve_commands(&mut self) -> bool {
+        let mut stop = false;
+        while let Ok(Some(request)) = self.ports.commands.receive() {
+            let command: Command = *request;
+            let accepted = match command.validate() {
+                Ok(()) => true,
+                Err(error) => {
+                    tracing::warn!("command refused: {error}");
+                    false
+                }
+            };
+            let _ = request.send_copy(self.reply(&command, accepted));
+            stop |= accepted && command.kind == COMMAND_STOP;
+        }
+        stop
+    }
+
+    fn reply(&self, command: &Command, accepted: bool) -> Reply {
+        let (wakeup, tick) = (self.stats.wakeup(), self.stats.tick());
+        let active = self.in_flight.unwrap_or(self.last);
+        let confirmed = if self.durable.0 == self.last.session { self.durable.1 } else { 0 };
+        Reply {
+            schema: SCHEMA,
+            id: command.id,
+            accepted: u64::from(accepted),
+            boot_id: self.boot_id,
+            tick: self.last_tick.tick,
+            phase: u64::from(self.last_tick.phase),
+            fault: u64::from(self.last_tick.fault),
+            period_ns: u64::from(self.setup.config.period_us) * 1000,
+            realtime: u64::from(self.setup.pace == Pace::Realtime),
+            privileged: u64::from(self.setup.privileged.load(Ordering::Relaxed)),
+            session: active.session,
+            rollout: active.rollout,
+            policy_id: active.policy_id,
+            applied_tick: self.applied_tick,
+            rollouts_done: self.rollouts,
+            policies_refused: self.refused,
+            unacknowledged: self.last.rollout.saturating_sub(confirmed),
+            learner_age_ns: self
+                .learner_seen
+                .map_or(u64::MAX, |(_, seen)| seen.elapsed().as_nanos() as u64),
+            deadline_misses: self.stats.missed,
+            wakeup_p50_ns: wakeup.p50,
+            wakeup_p99_ns: wakeup.p99,
+            wakeup_max_ns: wakeup.max,
+            tick_p50_ns: tick.p50,
+            tick_p99_ns: tick.p99,
+            tick_max_ns: tick.max,
+        }
+    }
+}
+
+/// Tells one start of a controller from another. Names a process, decides nothing.
+fn boot_id() -> u64 {
+    let clock = rustix::time::clock_gettime(rustix::time::ClockId::Realtime);
+    (clock.tv_sec as u64).wrapping_mul(1_000_000_000).wrapping_add(clock.tv_nsec as u64)
+}
+
+fn outcome_message(outcome: &Outcome) -> OutcomeMsg {
+    let mut flags = 0;
+    for (set, flag) in [
+        (outcome.tossed, OUTCOME_TOSSED),
+        (outcome.flipped_and_caught, OUTCOME_SUCCESS),
+        (outcome.dropped, OUTCOME_DROPPED),
+        (outcome.exploit, OUTCOME_EXPLOIT),
+    ] {
+        if set {
+            flags |= flag;
+        }
+    }
+    OutcomeMsg {
+        flags,
+        release_time_s: outcome.release_time_s,
+        release_speed_m_s: outcome.release_speed,
+        release_spin_rad_s: outcome.release_spin,
+        apex_m: outcome.apex_m,
+        crossing_time_s: outcome.crossing_time_s,
+        flip_angle_rad: outcome.flip_angle_rad,
+        distance_m: outcome.distance_m,
+        lateral_m: outcome.lateral_m,
+        final_lateral_m: outcome.final_lateral_m,
+    }
+}

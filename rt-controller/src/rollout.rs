@@ -1,0 +1,172 @@
+//! One execution of a policy: Idle → Approach → Execute → Settle → Idle.
+
+use nalgebra::Isometry3;
+use physics::arm::JointVector;
+use physics::outcome::{Outcome, OutcomeConfig, OutcomeTracker};
+use physics::plant::ObjectState;
+use shm_types::policy::PolicyMsg;
+
+use crate::config::ControllerConfig;
+use crate::policy::Policy;
+
+/// After the policy's duration a pancake that is not in the air gets this long to leave the pan.
+const NO_TOSS_S: f64 = 0.1;
+/// Speed of the Approach, rad/s, and how close it must come, rad.
+const APPROACH_SPEED: f64 = 0.5;
+const APPROACH_TOLERANCE: f64 = 0.02;
+const APPROACH_TIMEOUT_S: f64 = 20.0;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Phase {
+    /// Holds the posture; no policy.
+    Idle = 0,
+    /// Moves to the start posture and holds it for `approach_s`.
+    Approach = 1,
+    /// Runs the policy for its duration.
+    Execute = 2,
+    /// Lets the last attractor hold until the outcome is known.
+    Settle = 3,
+}
+
+/// The phase machine. Everything counts ticks, never seconds of a clock.
+#[derive(Clone, Copy)]
+pub struct Rollout {
+    phase: Phase,
+    /// Ticks since the phase began; since Execute began, for Settle.
+    ticks: u32,
+    period_s: f64,
+    approach_ticks: u32,
+    settle_s: f64,
+    q0: JointVector,
+    q_start: JointVector,
+    q_now: JointVector,
+    timed_out: bool,
+    policy: Policy,
+    outcome_config: OutcomeConfig,
+    tracker: OutcomeTracker,
+}
+
+impl Rollout {
+    pub fn new(q0: &JointVector, config: &ControllerConfig, outcome: &OutcomeConfig) -> Rollout {
+        Rollout {
+            phase: Phase::Idle,
+            ticks: 0,
+            period_s: config.period_s(),
+            approach_ticks: (config.approach_s / config.period_s()).ceil() as u32,
+            settle_s: config.settle_s,
+            q0: *q0,
+            q_start: *q0,
+            q_now: *q0,
+            timed_out: false,
+            policy: Policy::new(&PolicyMsg::EMPTY),
+            outcome_config: *outcome,
+            tracker: OutcomeTracker::new(outcome),
+        }
+    }
+
+    /// Begins the Approach from `q`.
+    pub fn start(&mut self, policy: &Policy, q: &JointVector) {
+        self.policy = *policy;
+        self.q_start = *q;
+        self.q_now = *q;
+        self.timed_out = false;
+        self.tracker = OutcomeTracker::new(&self.outcome_config);
+        self.enter(Phase::Approach);
+    }
+
+    pub fn phase(&self) -> Phase {
+        self.phase
+    }
+
+    pub fn policy(&self) -> &Policy {
+        &self.policy
+    }
+
+    pub fn q0(&self) -> &JointVector {
+        &self.q0
+    }
+
+    pub fn outcome(&self) -> Outcome {
+        self.tracker.outcome()
+    }
+
+    /// The Approach took too long.
+    pub fn timed_out(&self) -> bool {
+        self.timed_out
+    }
+
+    /// Time since the start of Execute, s; 0 before.
+    pub fn t_s(&self) -> f64 {
+        match self.phase {
+            Phase::Idle | Phase::Approach => 0.0,
+            Phase::Execute | Phase::Settle => f64::from(self.ticks) * self.period_s,
+        }
+    }
+
+    /// Where the arm should be in Idle and Approach: on a straight line in joint space from where
+    /// it was to the start posture, at `APPROACH_SPEED` for the joint that has farthest to go.
+    pub fn posture_reference(&self) -> JointVector {
+        if self.phase == Phase::Idle {
+            return self.q_start;
+        }
+        let way = self.q0 - self.q_start;
+        let duration = way.abs().max() / APPROACH_SPEED;
+        let t = f64::from(self.ticks) * self.period_s;
+        if t >= duration { self.q0 } else { self.q_start + way * (t / duration) }
+    }
+
+    /// Takes in what the world looks like in this tick.
+    pub fn observe(&mut self, X_WP: &Isometry3<f64>, object: &ObjectState) {
+        if matches!(self.phase, Phase::Execute | Phase::Settle) {
+            self.tracker.observe(self.t_s(), X_WP, object);
+        }
+    }
+
+    /// Remembers where the arm is; Approach ends, and Idle holds, by it.
+    pub fn locate(&mut self, q: &JointVector) {
+        self.q_now = *q;
+    }
+
+    /// Ends the tick.
+    pub fn advance(&mut self, faulted: bool) {
+        self.ticks = self.ticks.saturating_add(1);
+        let t = f64::from(self.ticks) * self.period_s;
+        match self.phase {
+            Phase::Idle => {}
+            _ if faulted => self.enter(Phase::Idle),
+            Phase::Approach => {
+                let arrived = (self.q_now - self.q0).abs().max() < APPROACH_TOLERANCE;
+                if self.ticks >= self.approach_ticks && arrived {
+                    self.enter(Phase::Execute);
+                } else if t > APPROACH_TIMEOUT_S {
+                    self.timed_out = true;
+                    self.enter(Phase::Idle);
+                }
+            }
+            Phase::Execute if self.tracker.is_finished() && self.tracker.outcome().dropped => {
+                self.enter(Phase::Idle);
+            }
+            // Settle goes on counting from the start of Execute: it is the same clock t_s.
+            Phase::Execute if t >= self.policy.duration_s => self.phase = Phase::Settle,
+            Phase::Execute => {}
+            Phase::Settle => {
+                let waited = t - self.policy.duration_s;
+                let no_toss = !self.tracker.in_flight()
+                    && !self.tracker.outcome().tossed
+                    && waited >= NO_TOSS_S;
+                if self.tracker.is_finished() || no_toss || waited >= self.settle_s {
+                    self.enter(Phase::Idle);
+                }
+            }
+        }
+    }
+
+    fn enter(&mut self, phase: Phase) {
+        if phase == Phase::Idle {
+            self.q_start = self.q_now;
+        }
+        self.phase = phase;
+        self.ticks = 0;
+    }
+}

@@ -1,0 +1,7 @@
+//! What the operating system must grant for hard real time. The only unsafe code of the crate.
+
+mod clock;
+mod thread;
+
+pub use clock::{Clock, Wake};
+pub use thread::{Privileges, acquire};

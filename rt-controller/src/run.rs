@@ -1,0 +1,248 @@
+//! Runs a controller: the rt thread in here, the exchange thread beside it, rings between them.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use physics::arm::{ArmModel, JointVector};
+use physics::outcome::{Outcome, OutcomeConfig};
+use physics::plant::Plant;
+use rtrb::{Consumer, Producer, PushError, RingBuffer};
+use shm_types::cell::{Cell, CellError, Role};
+use shm_types::channel::{ChannelError, EPISODE_LOANS, EpisodeLoan};
+use shm_types::episode::TickRecord;
+use shm_types::ports::ControllerPorts;
+use shm_types::telemetry::TelemetryTick;
+use thiserror::Error;
+
+use crate::config::{ControllerConfig, ControllerConfigError, Pace};
+use crate::exchange::{Exchange, Setup};
+use crate::policy::Policy;
+use crate::rollout::Phase;
+use crate::rt::{self, Clock, Wake};
+use crate::tick::Controller;
+use crate::timing::Percentiles;
+
+/// Ticks the telemetry ring holds: 4 s at 1 kHz, 0.2 s at the pace of the simulation.
+const TELEMETRY_RING: usize = 4096;
+/// How long an unpaced loop sleeps while there is nothing to do.
+const IDLE_SLEEP: Duration = Duration::from_micros(100);
+
+/// A rollout to execute: travels exchange → rt with the memory its records go to.
+pub(crate) struct Job {
+    pub policy: Policy,
+    pub episode: EpisodeLoan,
+}
+
+/// An executed rollout: travels rt → exchange.
+pub(crate) struct Done {
+    pub episode: EpisodeLoan,
+    pub n_records: usize,
+    pub applied_tick: u64,
+    pub fault: u32,
+    pub outcome: Outcome,
+}
+
+/// Why a controller ended with an error.
+#[derive(Debug, Error)]
+pub enum RunError {
+    #[error(transparent)]
+    Config(#[from] ControllerConfigError),
+    #[error(transparent)]
+    Cell(#[from] CellError),
+    #[error(transparent)]
+    Channel(#[from] ChannelError),
+    #[error("the rt thread panicked: {0}; this is a bug, please report it")]
+    Panic(String),
+}
+
+/// What a controller did until it was stopped.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct RunSummary {
+    pub rollouts: u64,
+    pub policies_refused: u64,
+    pub ticks: u64,
+    pub deadline_misses: u64,
+    /// Only meaningful when paced by the wall clock.
+    pub wakeup: Percentiles,
+    pub tick: Percentiles,
+}
+
+/// What a controller drives, and how.
+pub struct Controlled<'a, P: Plant> {
+    pub model: &'a ArmModel,
+    pub plant: &'a mut P,
+    /// Start posture, rad.
+    pub q0: JointVector,
+    pub outcome: OutcomeConfig,
+}
+
+/// Runs until `stop` is set, by a signal or by a stop command. Holds the cell's controller lock.
+pub fn run<P: Plant>(
+    cell: &Cell,
+    config: &ControllerConfig,
+    pace: Pace,
+    controlled: Controlled<P>,
+    stop: &AtomicBool,
+) -> Result<RunSummary, RunError> {
+    config.validate()?;
+    let _lock = cell.lock(Role::Controller)?;
+    let ports = ControllerPorts::create(cell)?;
+    let (job_tx, jobs) = RingBuffer::new(EPISODE_LOANS);
+    let (done, done_rx) = RingBuffer::new(EPISODE_LOANS);
+    let (telemetry, telemetry_rx) = RingBuffer::new(TELEMETRY_RING);
+    let privileged = AtomicBool::new(false);
+    let Controlled { model, plant, q0, outcome } = controlled;
+
+    std::thread::scope(|scope| {
+        let rt_loop = RtLoop {
+            controller: Controller::new(model, &q0, config, &outcome),
+            plant,
+            jobs,
+            done,
+            telemetry,
+            running: None,
+            undelivered: None,
+            scratch: TickRecord::ZERO,
+        };
+        let privileged = &privileged;
+        let rt_thread = std::thread::Builder::new()
+            .name("skillet-rt".into())
+            .spawn_scoped(scope, move || match pace {
+                Pace::Realtime => {
+                    let granted = rt::acquire(config.priority, config.cpu);
+                    for missing in &granted.missing {
+                        tracing::warn!("real time is degraded: {missing}");
+                    }
+                    privileged.store(granted.fifo, Ordering::Relaxed);
+                    rt_loop.run_paced(u64::from(config.period_us) * 1000, stop);
+                }
+                Pace::Max => rt_loop.run_unpaced(stop),
+            })
+            .map_err(|error| RunError::Panic(format!("it could not be started: {error}")))?;
+
+        let setup = Setup { model, config, pace, privileged };
+        let mut exchange = Exchange::new(ports, setup, job_tx, done_rx, telemetry_rx);
+        let summary = exchange.run(stop, || rt_thread.is_finished());
+        // The rt thread may be waiting for its next deadline; it sees `stop` right after.
+        stop.store(true, Ordering::Relaxed);
+        match rt_thread.join() {
+            Ok(()) => Ok(summary),
+            Err(panic) => Err(RunError::Panic(panic_text(&*panic))),
+        }
+    })
+}
+
+fn panic_text(panic: &(dyn std::any::Any + Send)) -> String {
+    let text = panic.downcast_ref::<&str>().map(|s| s.to_string());
+    text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "no message".into())
+}
+
+/// A rollout in progress.
+struct Running {
+    episode: EpisodeLoan,
+    n_records: usize,
+    applied_tick: u64,
+}
+
+/// The rt thread: measure, tick, apply, advance, record.
+struct RtLoop<'a, P: Plant> {
+    controller: Controller<'a>,
+    plant: &'a mut P,
+    jobs: Consumer<Job>,
+    done: Producer<Done>,
+    telemetry: Producer<TelemetryTick>,
+    running: Option<Running>,
+    undelivered: Option<Done>,
+    /// Takes the ticks outside Execute and Settle.
+    scratch: TickRecord,
+}
+
+impl<P: Plant> RtLoop<'_, P> {
+    fn run_paced(mut self, period_ns: u64, stop: &AtomicBool) {
+        let mut clock = Clock::new(period_ns);
+        while !stop.load(Ordering::Relaxed) {
+            let wake = clock.wait();
+            self.begin_if_asked();
+            self.cycle(wake);
+        }
+    }
+
+    fn run_unpaced(mut self, stop: &AtomicBool) {
+        while !stop.load(Ordering::Relaxed) {
+            self.begin_if_asked();
+            if self.running.is_none() {
+                std::thread::sleep(IDLE_SLEEP);
+                continue;
+            }
+            self.cycle(Wake { late_ns: 0, missed: 0 });
+        }
+    }
+
+    fn begin_if_asked(&mut self) {
+        if self.running.is_some() {
+            return;
+        }
+        if let Some(done) = self.undelivered.take() {
+            self.deliver(done);
+        }
+        if let Ok(job) = self.jobs.pop() {
+            // A simulator builds a fresh world here; a robot does nothing.
+            self.plant.reset();
+            self.controller.start(&job.policy, &self.plant.measure().q);
+            self.running = Some(Running { episode: job.episode, n_records: 0, applied_tick: 0 });
+        }
+    }
+
+    fn cycle(&mut self, wake: Wake) {
+        let measured = self.plant.measure();
+        let executing = matches!(self.controller.phase(), Phase::Execute | Phase::Settle);
+        let record = match &mut self.running {
+            Some(running) if executing => {
+                if running.n_records == 0 {
+                    running.applied_tick = self.controller.tick_number();
+                }
+                let record = running.episode.payload_mut().get_mut(running.n_records);
+                running.n_records += usize::from(record.is_some());
+                record.unwrap_or(&mut self.scratch)
+            }
+            _ => &mut self.scratch,
+        };
+
+        let start = Instant::now();
+        let tau = self.controller.tick(&measured, record);
+        let tick_ns = start.elapsed().as_nanos() as u64;
+        // Full ring: the observer loses a tick, the loop nothing.
+        let _ = self.telemetry.push(TelemetryTick {
+            tick: record.tick,
+            phase: record.phase,
+            fault: record.fault,
+            wakeup_ns: wake.late_ns,
+            tick_ns,
+            missed: wake.missed,
+            q: record.q,
+            tau: record.tau,
+        });
+
+        self.plant.apply(&tau);
+        self.plant.advance();
+        if self.controller.phase() == Phase::Idle
+            && let Some(running) = self.running.take()
+        {
+            self.deliver(Done {
+                episode: running.episode,
+                n_records: running.n_records,
+                applied_tick: running.applied_tick,
+                fault: self.controller.fault() as u32,
+                outcome: self.controller.outcome(),
+            });
+        }
+    }
+
+    /// Hands an episode over. The ring has a place for every loan, so it is never full; should it
+    /// be, the episode waits: dropping it here would call the transport.
+    fn deliver(&mut self, done: Done) {
+        if let Err(PushError::Full(done)) = self.done.push(done) {
+            self.undelivered = Some(done);
+        }
+    }
+}

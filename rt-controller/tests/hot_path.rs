@@ -1,0 +1,249 @@
+//! The rules of the hot path, shown on a simulated WAM: no heap, no panic, torques within limits
+//! whatever is measured and whatever policy was admitted.
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+
+use physics::arm::{ArmModel, JointVector};
+use physics::outcome::OutcomeConfig;
+use physics::pancake::{PancakeConfig, PancakePlant, WAM7_START_POSTURE};
+use physics::plant::{Measurement, Plant};
+use rt_controller::ControllerConfig;
+use rt_controller::admission::admit;
+use rt_controller::policy::Policy;
+use rt_controller::rollout::Phase;
+use rt_controller::tick::{Controller, Fault};
+use shm_types::episode::TickRecord;
+use shm_types::policy::{PolicyMsg, packed_index};
+
+/// Counts heap operations of the threads that ask for it.
+struct CountingAllocator;
+
+thread_local! {
+    static HEAP_OPERATIONS: Cell<Option<u64>> = const { Cell::new(None) };
+}
+
+fn count() {
+    // A thread that is ending has no counter left; it is not counting either.
+    let _ = HEAP_OPERATIONS.try_with(|n| n.set(n.get().map(|n| n + 1)));
+}
+
+#[allow(unsafe_code)]
+// SAFETY: every call goes to the system allocator unchanged.
+unsafe impl GlobalAlloc for CountingAllocator {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count();
+        unsafe { System.alloc(layout) }
+    }
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        count();
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: CountingAllocator = CountingAllocator;
+
+fn heap_operations(f: impl FnOnce()) -> u64 {
+    HEAP_OPERATIONS.set(Some(0));
+    f();
+    HEAP_OPERATIONS.replace(None).unwrap()
+}
+
+fn wam() -> ArmModel {
+    ArmModel::from_urdf(include_str!("../../robots/wam7/wam7_pan.urdf"), "pan").unwrap()
+}
+
+/// Eight springs that shake the pan; `amplitude` in m.
+fn message(amplitude: f64, stiffness: f64) -> PolicyMsg {
+    let mut message = PolicyMsg { task_dim: 4, n_components: 8, ..PolicyMsg::EMPTY };
+    message.duration_s = 1.4;
+    message.damping = 2.0 * stiffness.sqrt();
+    message.orientation_stiffness = 400.0;
+    message.orientation_damping = 40.0;
+    for (i, component) in message.components.iter_mut().take(8).enumerate() {
+        component.center = 0.2 * i as f64;
+        component.width = 0.1;
+        let sign = if i % 2 == 0 { 1.0 } else { -1.0 };
+        component.attractor = [0.78, 0.0, 0.72 + sign * amplitude, sign * amplitude, 0.0, 0.0];
+        for row in 0..4 {
+            component.stiffness[packed_index(row, row)] = stiffness;
+        }
+    }
+    message.sealed()
+}
+
+struct Bench {
+    model: ArmModel,
+    config: ControllerConfig,
+    plant: PancakePlant,
+}
+
+impl Bench {
+    fn new() -> Bench {
+        let model = wam();
+        let plant = PancakePlant::new(&model, &WAM7_START_POSTURE, &PancakeConfig::default());
+        Bench { model, config: ControllerConfig::default(), plant }
+    }
+
+    fn admit(&self, message: &PolicyMsg) -> Policy {
+        admit(message, &self.model, &self.config).unwrap()
+    }
+}
+
+fn controller<'a>(model: &'a ArmModel, config: &ControllerConfig) -> Controller<'a> {
+    Controller::new(model, &WAM7_START_POSTURE, config, &OutcomeConfig::default())
+}
+
+/// One rollout; `measure` may tamper with what the controller sees, `check` sees every tick.
+fn rollout(
+    controller: &mut Controller,
+    plant: &mut PancakePlant,
+    policy: &Policy,
+    mut measure: impl FnMut(u32, Measurement) -> Measurement,
+    mut check: impl FnMut(&TickRecord, &JointVector),
+) -> u32 {
+    plant.reset();
+    controller.start(policy, &plant.measure().q);
+    let mut ticks = 0;
+    while controller.phase() != Phase::Idle {
+        let measured = measure(ticks, plant.measure());
+        let mut record = TickRecord::ZERO;
+        let tau = controller.tick(&measured, &mut record);
+        check(&record, &tau);
+        plant.apply(&tau);
+        plant.advance();
+        ticks += 1;
+    }
+    ticks
+}
+
+#[test]
+fn a_tick_does_not_touch_the_heap_in_100_000_ticks() {
+    let mut bench = Bench::new();
+    let policies = [bench.admit(&message(0.05, 200.0)), bench.admit(&message(0.2, 800.0))];
+    let mut controller = controller(&bench.model, &bench.config);
+    let (mut ticks, mut operations, mut next) = (0, 0, 0);
+    while ticks < 100_000 {
+        if controller.phase() == Phase::Idle {
+            bench.plant.reset();
+            let q = bench.plant.measure().q;
+            operations += heap_operations(|| controller.start(&policies[next % 2], &q));
+            next += 1;
+        }
+        let measured = bench.plant.measure();
+        let mut record = TickRecord::ZERO;
+        operations += heap_operations(|| {
+            let tau = controller.tick(&measured, &mut record);
+            bench.plant.apply(&tau);
+        });
+        bench.plant.advance();
+        ticks += 1;
+    }
+    assert_eq!(operations, 0, "over {next} rollouts");
+}
+
+#[test]
+fn the_guard_sees_a_tick_that_allocates() {
+    assert_eq!(heap_operations(|| drop(std::hint::black_box(Box::new(1)))), 2);
+}
+
+#[test]
+fn torques_stay_within_limits_and_rate_under_violent_policies() {
+    let mut bench = Bench::new();
+    let limits = *bench.model.limits();
+    let step = limits.tau_max * bench.config.torque_rate * bench.config.period_s() * (1.0 + 1e-12);
+    let mut clipped = 0;
+    for (amplitude, stiffness) in [(0.1, 500.0), (0.6, 5000.0), (0.7, 4e4)] {
+        let policy = bench.admit(&message(amplitude, stiffness));
+        let mut controller = controller(&bench.model, &bench.config);
+        let mut last: Option<JointVector> = None;
+        rollout(
+            &mut controller,
+            &mut bench.plant,
+            &policy,
+            |_, m| m,
+            |record, tau| {
+                assert!(tau.iter().all(|t| t.is_finite()));
+                for i in 0..7 {
+                    assert!(tau[i].abs() <= limits.tau_max[i], "joint {i}: {}", tau[i]);
+                    if let Some(last) = last {
+                        assert!((tau[i] - last[i]).abs() <= step[i], "joint {i} jumps");
+                    }
+                }
+                clipped += record.flags & shm_types::episode::FLAG_TORQUE_CLIPPED;
+                last = Some(*tau);
+            },
+        );
+    }
+    assert!(clipped > 0, "the policies were meant to reach the limits");
+}
+
+#[test]
+fn a_measurement_that_is_not_a_number_becomes_a_latched_hold() {
+    let mut bench = Bench::new();
+    let policy = bench.admit(&message(0.05, 200.0));
+    let mut controller = controller(&bench.model, &bench.config);
+    let mut faults = Vec::new();
+    let ticks = rollout(
+        &mut controller,
+        &mut bench.plant,
+        &policy,
+        |tick, mut measured| {
+            if tick == 300 {
+                measured.qd[3] = f64::NAN;
+            }
+            measured
+        },
+        |record, tau| {
+            faults.push(record.fault);
+            assert!(tau.iter().all(|t| t.is_finite()));
+            assert!(record.qd.iter().all(|qd| qd.is_finite()), "records stay valid messages");
+        },
+    );
+    assert_eq!(ticks, 301, "the rollout ends with the fault");
+    assert_eq!(faults[299], Fault::None as u32);
+    assert_eq!(faults[300], Fault::MeasurementNotFinite as u32);
+
+    // Still latched in Idle, with the measurement back: the arm is held, not driven.
+    let mut record = TickRecord::ZERO;
+    controller.tick(&bench.plant.measure(), &mut record);
+    assert_eq!(record.fault, Fault::MeasurementNotFinite as u32);
+}
+
+#[test]
+fn joints_out_of_control_are_faults() {
+    let bench = Bench::new();
+    let limits = bench.model.limits();
+    let measured = bench.plant.measure();
+    for (fault, tamper) in [
+        (Fault::JointOutOfRange, (limits.q_max[1] + 0.3, 0.0)),
+        (Fault::Overspeed, (0.0, 3.0 * limits.qd_max[1])),
+    ] {
+        let mut controller = controller(&bench.model, &bench.config);
+        let mut tampered = measured;
+        (tampered.q[1], tampered.qd[1]) = tamper;
+        controller.tick(&tampered, &mut TickRecord::ZERO.clone());
+        assert_eq!(controller.fault(), fault);
+    }
+}
+
+#[test]
+fn admission_names_what_it_refuses() {
+    let bench = Bench::new();
+    let refuse = |change: &dyn Fn(&mut PolicyMsg)| {
+        let mut message = message(0.05, 200.0);
+        change(&mut message);
+        admit(&message.sealed(), &bench.model, &bench.config).unwrap_err().to_string()
+    };
+    let negative = refuse(&|m| m.components[2].stiffness[packed_index(1, 1)] = -5.0);
+    assert!(negative.contains("component 2") && negative.contains("eigenvalue"), "{negative}");
+    let indefinite = refuse(&|m| m.components[0].stiffness[packed_index(1, 0)] = 900.0);
+    assert!(indefinite.contains("eigenvalue"), "{indefinite}");
+    let stiff = refuse(&|m| m.components[1].stiffness[packed_index(0, 0)] = 9e4);
+    assert!(stiff.contains("component 1"), "{stiff}");
+    let far = refuse(&|m| m.components[7].attractor[0] = 9.0);
+    assert!(far.contains("component 7") && far.contains("attractor"), "{far}");
+    let long = refuse(&|m| m.duration_s = 20.0);
+    assert!(long.contains("duration_s"), "{long}");
+}

@@ -1,0 +1,201 @@
+//! Both ends of every channel of a cell: what the controller, the learner and the tool hold.
+
+use std::time::{Duration, Instant};
+
+use iceoryx2::port::update_connections::UpdateConnections;
+use iceoryx2::port::{
+    BackpressureAction, client::Client, listener::Listener, notifier::Notifier,
+    publisher::Publisher, server::Server, subscriber::Subscriber,
+};
+use iceoryx2::prelude::*;
+
+use crate::SCHEMA;
+use crate::cell::Cell;
+use crate::channel::*;
+use crate::command::{Command, Reply};
+use crate::episode::{Ack, EpisodeHeader, MAX_RECORDS, TickRecord};
+use crate::policy::PolicyMsg;
+use crate::telemetry::{Heartbeat, Telemetry};
+
+/// The controller's ends; owned by its exchange thread.
+pub struct ControllerPorts {
+    pub policies: Subscriber<Ipc, PolicyMsg, ()>,
+    pub episodes: Publisher<Ipc, [TickRecord], EpisodeHeader>,
+    pub episode_sent: Notifier<Ipc>,
+    pub acks: Subscriber<Ipc, Ack, ()>,
+    pub telemetry: Publisher<Ipc, Telemetry, ()>,
+    pub commands: Server<Ipc, Command, (), Reply, ()>,
+    pub beat: Publisher<Ipc, Heartbeat, ()>,
+    pub learner_beat: Subscriber<Ipc, Heartbeat, ()>,
+    // Last, so that it is dropped after the ports: it owns their liveness.
+    node: Node<Ipc>,
+}
+
+impl ControllerPorts {
+    /// Creates every service of the cell. Call with the cell's controller lock held.
+    pub fn create(cell: &Cell) -> Result<ControllerPorts, ChannelError> {
+        let node = node(cell)?;
+        let door = Door::Create;
+        let episodes = episodes(&node, door)?
+            .publisher_builder()
+            .initial_max_slice_len(MAX_RECORDS)
+            .max_loaned_samples(EPISODE_LOANS)
+            .backpressure_strategy(BackpressureStrategy::DiscardData)
+            // A full learner must be noticed: the episode is then asked for again.
+            .set_backpressure_handler(|_| BackpressureAction::DiscardDataAndFail)
+            .create()
+            .map_err(failed(EPISODE, "creating the publisher"))?;
+        Ok(ControllerPorts {
+            policies: subscriber(&latest(&node, POLICY, &POLICY_QOS, door)?, POLICY)?,
+            episodes,
+            episode_sent: episode_events(&node, door)?
+                .notifier_builder()
+                .create()
+                .map_err(failed(EPISODE, "creating the notifier"))?,
+            acks: subscriber(&latest(&node, ACK, &ACK_QOS, door)?, ACK)?,
+            telemetry: publisher(&latest(&node, TELEMETRY, &TELEMETRY_QOS, door)?, TELEMETRY)?,
+            beat: publisher(&latest(&node, CONTROLLER_BEAT, &BEAT_QOS, door)?, CONTROLLER_BEAT)?,
+            learner_beat: subscriber(&latest(&node, LEARNER_BEAT, &BEAT_QOS, door)?, LEARNER_BEAT)?,
+            // Last: whoever finds the command service finds all the others.
+            commands: commands(&node, door)?
+                .server_builder()
+                .create()
+                .map_err(failed(COMMAND, "creating the server"))?,
+            node,
+        })
+    }
+
+    /// Loans an episode of `n_records` zeroed records in shared memory.
+    pub fn loan_episode(&self, n_records: usize) -> Result<EpisodeLoan, ChannelError> {
+        let loan = self
+            .episodes
+            .loan_slice_uninit(n_records)
+            .map_err(failed(EPISODE, "loaning an episode"))?;
+        Ok(loan.write_from_fn(|_| TickRecord::ZERO))
+    }
+
+    /// Frees what dead processes held; also connects ports to newcomers.
+    pub fn clean_up(&self) {
+        let _ = self.node.try_cleanup_dead_nodes();
+        // A late subscriber gets the newest heartbeat only when its publisher acts.
+        let _ = self.beat.update_connections();
+    }
+}
+
+/// The learner's ends.
+pub struct LearnerPorts {
+    pub policies: Publisher<Ipc, PolicyMsg, ()>,
+    pub episodes: Subscriber<Ipc, [TickRecord], EpisodeHeader>,
+    pub episode_sent: Listener<Ipc>,
+    pub acks: Publisher<Ipc, Ack, ()>,
+    pub beat: Publisher<Ipc, Heartbeat, ()>,
+    pub controller_beat: Subscriber<Ipc, Heartbeat, ()>,
+    node: Node<Ipc>,
+}
+
+impl LearnerPorts {
+    /// Opens the cell's services, waiting up to `timeout` for a controller. `stop` ends the wait.
+    pub fn open(
+        cell: &Cell,
+        timeout: Duration,
+        stop: &dyn Fn() -> bool,
+    ) -> Result<LearnerPorts, ChannelError> {
+        let node = node(cell)?;
+        wait_for_controller(cell, &node, timeout, stop)?;
+        let door = Door::Open;
+        Ok(LearnerPorts {
+            policies: publisher(&latest(&node, POLICY, &POLICY_QOS, door)?, POLICY)?,
+            episodes: episodes(&node, door)?
+                .subscriber_builder()
+                .create()
+                .map_err(failed(EPISODE, "creating the subscriber"))?,
+            episode_sent: episode_events(&node, door)?
+                .listener_builder()
+                .create()
+                .map_err(failed(EPISODE, "creating the listener"))?,
+            acks: publisher(&latest(&node, ACK, &ACK_QOS, door)?, ACK)?,
+            beat: publisher(&latest(&node, LEARNER_BEAT, &BEAT_QOS, door)?, LEARNER_BEAT)?,
+            controller_beat: subscriber(
+                &latest(&node, CONTROLLER_BEAT, &BEAT_QOS, door)?,
+                CONTROLLER_BEAT,
+            )?,
+            node,
+        })
+    }
+
+    /// Frees what a dead controller held, and hands the newest policy to a restarted one.
+    pub fn clean_up(&self) {
+        let _ = self.node.try_cleanup_dead_nodes();
+        let _ = self.policies.update_connections();
+        let _ = self.acks.update_connections();
+    }
+}
+
+/// The tool's ends: commands and telemetry.
+pub struct ToolPorts {
+    pub commands: Client<Ipc, Command, (), Reply, ()>,
+    pub telemetry: Subscriber<Ipc, Telemetry, ()>,
+    _node: Node<Ipc>,
+}
+
+impl ToolPorts {
+    pub fn open(cell: &Cell, timeout: Duration) -> Result<ToolPorts, ChannelError> {
+        let node = node(cell)?;
+        wait_for_controller(cell, &node, timeout, &|| false)?;
+        Ok(ToolPorts {
+            commands: commands(&node, Door::Open)?
+                .client_builder()
+                .backpressure_strategy(BackpressureStrategy::DiscardData)
+                .create()
+                .map_err(failed(COMMAND, "creating the client"))?,
+            telemetry: subscriber(
+                &latest(&node, TELEMETRY, &TELEMETRY_QOS, Door::Open)?,
+                TELEMETRY,
+            )?,
+            _node: node,
+        })
+    }
+
+    /// Sends a command and waits for its reply; `None` after `timeout`.
+    pub fn request(&self, kind: u64, id: u64, timeout: Duration) -> Option<Reply> {
+        let command = Command { schema: SCHEMA, id, kind };
+        let pending = self.commands.send_copy(command).ok()?;
+        let deadline = Instant::now() + timeout;
+        while Instant::now() < deadline {
+            if let Ok(Some(reply)) = pending.receive()
+                && reply.schema == SCHEMA
+                && reply.id == id
+            {
+                return Some(*reply);
+            }
+            std::thread::sleep(Duration::from_micros(500));
+        }
+        None
+    }
+}
+
+fn wait_for_controller(
+    cell: &Cell,
+    node: &Node<Ipc>,
+    timeout: Duration,
+    stop: &dyn Fn() -> bool,
+) -> Result<(), ChannelError> {
+    let start = Instant::now();
+    loop {
+        match commands(node, Door::Open) {
+            Ok(_) => return Ok(()),
+            Err(error) if !is_absent(&error) => return Err(error),
+            Err(_) if stop() || start.elapsed() >= timeout => {
+                let seconds = start.elapsed().as_secs_f64();
+                return Err(ChannelError::NoController { cell: cell.name().into(), seconds });
+            }
+            Err(_) => std::thread::sleep(Duration::from_millis(5)),
+        }
+    }
+}
+
+/// The service is not there yet, as opposed to there but foreign.
+fn is_absent(error: &ChannelError) -> bool {
+    matches!(error, ChannelError::Service { reason, .. }
+        if reason.contains("DoesNotExist") || reason.contains("HangsInCreation"))
+}

@@ -1,0 +1,154 @@
+//! Both ends of every channel, over real shared memory.
+
+use std::time::{Duration, Instant};
+
+use shm_types::SCHEMA;
+use shm_types::cell::{Cell, Role};
+use shm_types::channel::ChannelError;
+use shm_types::command::{COMMAND_STATUS, Reply};
+use shm_types::episode::{Ack, EpisodeHeader};
+use shm_types::policy::PolicyMsg;
+use shm_types::ports::{ControllerPorts, LearnerPorts, ToolPorts};
+
+const SOON: Duration = Duration::from_secs(5);
+
+fn cell(name: &str) -> Cell {
+    Cell::new(&format!("{name}-{}", std::process::id())).unwrap()
+}
+
+/// Waits with a watchdog; channels are asynchronous.
+fn eventually<T>(what: &str, mut f: impl FnMut() -> Option<T>) -> T {
+    let deadline = Instant::now() + SOON;
+    while Instant::now() < deadline {
+        if let Some(value) = f() {
+            return value;
+        }
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    panic!("{what} did not arrive");
+}
+
+#[test]
+fn policy_goes_out_and_its_episode_comes_back_in_place() {
+    let cell = cell("ring");
+    let lock = cell.lock(Role::Controller).unwrap();
+    let controller = ControllerPorts::create(&cell).unwrap();
+    let learner = LearnerPorts::open(&cell, SOON, &|| false).unwrap();
+
+    let mut policy = PolicyMsg { rollout: 7, n_components: 1, ..PolicyMsg::EMPTY };
+    policy.components[0].attractor[2] = 0.72;
+    learner.policies.send_copy(policy.sealed()).unwrap();
+    let received = eventually("policy", || controller.policies.receive().unwrap());
+    assert_eq!(*received, policy.sealed());
+    received.validate().unwrap();
+
+    let mut loan = controller.loan_episode(50).unwrap();
+    // As in the controller: another thread fills the loan.
+    let filled = std::thread::spawn(move || {
+        for (i, record) in loan.payload_mut().iter_mut().take(30).enumerate() {
+            record.t_s = i as f64;
+        }
+        loan
+    });
+    let mut loan = filled.join().unwrap();
+    *loan.user_header_mut() = EpisodeHeader { rollout: 7, n_records: 30, ..Default::default() };
+    assert_eq!(loan.send().unwrap(), 1);
+    controller.episode_sent.notify().unwrap();
+    let mut woken = false;
+    learner.episode_sent.timed_wait(|_| woken = true, SOON).unwrap();
+    assert!(woken);
+    let episode = eventually("episode", || learner.episodes.receive().unwrap());
+    let records = episode.user_header().validate(episode.payload()).unwrap();
+    assert_eq!((records.len(), records[29].t_s), (30, 29.0));
+
+    learner.acks.send_copy(Ack { schema: SCHEMA, session: 1, durable_rollout: 7 }).unwrap();
+    let ack = eventually("ack", || controller.acks.receive().unwrap());
+    assert_eq!(ack.durable_rollout, 7);
+
+    drop((controller, learner, received, episode, ack, lock));
+    cell.remove_if_idle();
+}
+
+#[test]
+fn late_controller_gets_the_newest_policy() {
+    let cell = cell("late");
+    let lock = cell.lock(Role::Controller).unwrap();
+    let first = ControllerPorts::create(&cell).unwrap();
+    let learner = LearnerPorts::open(&cell, SOON, &|| false).unwrap();
+    for rollout in [1, 2] {
+        learner.policies.send_copy(PolicyMsg { rollout, ..PolicyMsg::EMPTY }).unwrap();
+    }
+    drop(first);
+    let second = ControllerPorts::create(&cell).unwrap();
+    let policy = eventually("policy", || {
+        learner.clean_up();
+        second.policies.receive().unwrap()
+    });
+    assert_eq!(policy.rollout, 2);
+    drop((policy, second, learner, lock));
+    cell.remove_if_idle();
+}
+
+#[test]
+fn command_is_answered_and_silence_is_noticed() {
+    let cell = cell("ask");
+    let lock = cell.lock(Role::Controller).unwrap();
+    let controller = ControllerPorts::create(&cell).unwrap();
+    let tool = ToolPorts::open(&cell, SOON).unwrap();
+    assert!(tool.request(COMMAND_STATUS, 1, Duration::from_millis(20)).is_none());
+
+    let asked = std::thread::scope(|scope| {
+        let client = scope.spawn(|| tool.request(COMMAND_STATUS, 2, SOON));
+        let deadline = Instant::now() + SOON;
+        while !client.is_finished() && Instant::now() < deadline {
+            while let Some(request) = controller.commands.receive().unwrap() {
+                let reply = Reply { schema: SCHEMA, id: request.id, tick: 42, ..zero_reply() };
+                // The first, abandoned request has nobody left to answer to.
+                let _ = request.send_copy(reply);
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        client.join().unwrap()
+    });
+    assert_eq!(asked.map(|reply| (reply.id, reply.tick)), Some((2, 42)));
+    drop((tool, controller, lock));
+    cell.remove_if_idle();
+}
+
+#[test]
+fn absent_controller_is_named() {
+    let cell = cell("none");
+    let error = LearnerPorts::open(&cell, Duration::from_millis(20), &|| false).err().unwrap();
+    assert!(matches!(error, ChannelError::NoController { .. }), "{error}");
+    cell.remove_if_idle();
+}
+
+fn zero_reply() -> Reply {
+    Reply {
+        schema: 0,
+        id: 0,
+        accepted: 1,
+        boot_id: 0,
+        tick: 0,
+        phase: 0,
+        fault: 0,
+        period_ns: 0,
+        realtime: 0,
+        privileged: 0,
+        session: 0,
+        rollout: 0,
+        policy_id: 0,
+        applied_tick: 0,
+        rollouts_done: 0,
+        policies_refused: 0,
+        unacknowledged: 0,
+        learner_age_ns: 0,
+        deadline_misses: 0,
+        wakeup_p50_ns: 0,
+        wakeup_p99_ns: 0,
+        wakeup_max_ns: 0,
+        tick_p50_ns: 0,
+        tick_p99_ns: 0,
+        tick_max_ns: 0,
+    }
+}

@@ -1,0 +1,110 @@
+//! Controller and learner as child processes: start, watch, end in order.
+
+use std::io::{BufRead, BufReader};
+use std::os::unix::process::ExitStatusExt;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::mpsc::{Receiver, channel};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result};
+use rustix::process::{Pid, Signal, kill_process};
+
+/// How long a child may take to end after SIGTERM, before it is killed.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// Lines of a dead child's log that its parent repeats.
+const LOG_TAIL: usize = 5;
+
+pub struct Service {
+    name: &'static str,
+    child: Child,
+    log: PathBuf,
+}
+
+impl Service {
+    /// Starts `skillet <arguments>`; its standard error goes to `log`.
+    pub fn start(
+        name: &'static str,
+        arguments: &[&std::ffi::OsStr],
+        log: PathBuf,
+        stdout: Stdio,
+    ) -> Result<Service> {
+        let exe = std::env::current_exe().context("finding this executable")?;
+        let file = std::fs::File::create(&log)
+            .with_context(|| format!("{}: cannot write the log", log.display()))?;
+        let child = Command::new(exe)
+            .args(arguments)
+            .stdin(Stdio::null())
+            .stdout(stdout)
+            .stderr(file)
+            .spawn()
+            .with_context(|| format!("starting the {name}"))?;
+        Ok(Service { name, child, log })
+    }
+
+    /// Lines of its standard output, read by a thread that ends with the child.
+    pub fn lines(&mut self) -> Option<Receiver<String>> {
+        let stdout = self.child.stdout.take()?;
+        let (lines, receiver) = channel();
+        std::thread::spawn(move || {
+            for line in BufReader::new(stdout).lines().map_while(Result::ok) {
+                if lines.send(line).is_err() {
+                    break;
+                }
+            }
+        });
+        Some(receiver)
+    }
+
+    /// `Some` once the child has ended.
+    pub fn exited(&mut self) -> Result<Option<ExitStatus>> {
+        self.child.try_wait().with_context(|| format!("watching the {}", self.name))
+    }
+
+    /// Ends the child in order, or by force when it does not react.
+    pub fn stop(&mut self) -> Result<ExitStatus> {
+        if let Some(status) = self.exited()? {
+            return Ok(status);
+        }
+        if let Some(pid) = Pid::from_raw(self.child.id() as i32) {
+            // It may have ended since; then there is nobody to signal.
+            let _ = kill_process(pid, Signal::TERM);
+        }
+        let deadline = Instant::now() + PATIENCE;
+        while Instant::now() < deadline {
+            if let Some(status) = self.exited()? {
+                return Ok(status);
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        let _ = self.child.kill();
+        self.child.wait().with_context(|| format!("ending the {}", self.name))
+    }
+
+    /// Who died, how, and what it said last.
+    pub fn obituary(&self, status: ExitStatus) -> String {
+        let how = match (status.code(), status.signal()) {
+            (Some(code), _) => format!("ended with exit code {code}"),
+            (None, Some(signal)) => format!("was killed by signal {signal}"),
+            (None, None) => "ended".into(),
+        };
+        let log = self.log.display();
+        match tail(&self.log, LOG_TAIL) {
+            tail if tail.is_empty() => format!("the {} {how}; its log {log} is empty", self.name),
+            tail => format!("the {} {how}; the end of {log}:\n{tail}", self.name),
+        }
+    }
+}
+
+impl Drop for Service {
+    fn drop(&mut self) {
+        // Whatever path led here, no child is left behind.
+        let _ = self.stop();
+    }
+}
+
+fn tail(path: &Path, lines: usize) -> String {
+    let text = std::fs::read_to_string(path).unwrap_or_default();
+    let all: Vec<&str> = text.lines().collect();
+    all[all.len().saturating_sub(lines)..].join("\n")
+}

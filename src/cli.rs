@@ -1,0 +1,199 @@
+//! Every command and flag.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+/// Learns compliant robot skills on a hard real-time loop.
+///
+/// Exit code: 0 done, 1 a negative verdict (interrupted, no controller), 2 an error.
+#[derive(Parser)]
+#[command(version, propagate_version = true, max_term_width = 100)]
+#[command(after_help = "Example: skillet learn pancake --rollouts 100 --seed 3")]
+pub struct Cli {
+    #[command(subcommand)]
+    pub verb: Verb,
+}
+
+#[derive(Subcommand)]
+pub enum Verb {
+    /// Learn a task: starts controller and learner, shows progress, writes a session folder
+    Learn(LearnArgs),
+    /// Run the controller service of a cell
+    Controller(ControllerArgs),
+    /// Run the learner service of a cell
+    Learner(LearnerArgs),
+    /// Ask a running controller how it is
+    Status(StatusArgs),
+    /// Look at the policies of a session
+    Policy(PolicyArgs),
+    /// Write the figures and the HTML page of a session
+    Report(ReportArgs),
+    /// Show the configuration in effect
+    Config(ConfigArgs),
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
+pub enum Task {
+    /// Toss a pancake and catch it after a half flip
+    Pancake,
+}
+
+impl Task {
+    pub fn name(self) -> &'static str {
+        match self {
+            Task::Pancake => "pancake",
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
+pub enum PaceArg {
+    /// By the wall clock
+    Realtime,
+    /// As fast as the simulation allows; the same numbers
+    Max,
+}
+
+impl PaceArg {
+    pub fn name(self) -> &'static str {
+        match self {
+            PaceArg::Realtime => "realtime",
+            PaceArg::Max => "max",
+        }
+    }
+}
+
+impl From<PaceArg> for rt_controller::Pace {
+    fn from(pace: PaceArg) -> Self {
+        match pace {
+            PaceArg::Realtime => rt_controller::Pace::Realtime,
+            PaceArg::Max => rt_controller::Pace::Max,
+        }
+    }
+}
+
+#[derive(Args)]
+#[command(after_help = "\
+Examples:
+  skillet learn pancake                              100 rollouts into sessions/pancake-1
+  skillet learn pancake --seed 7 --out s7            a session in s7; the same line resumes it
+  skillet learn pancake --rollouts 20 --pace realtime --json
+
+Ctrl-C stops it with everything saved (exit code 1); the same command with --out resumes it.")]
+pub struct LearnArgs {
+    pub task: Task,
+    /// Rollouts of the session, those of earlier runs included
+    #[arg(long)]
+    pub rollouts: Option<u64>,
+    /// Seed of the search; equal seeds give equal trials, bit for bit
+    #[arg(long)]
+    pub seed: Option<u64>,
+    #[arg(long, value_enum, default_value_t = PaceArg::Max)]
+    pub pace: PaceArg,
+    /// Configuration file (TOML); see `skillet config`
+    #[arg(long)]
+    pub config: Option<PathBuf>,
+    /// Session folder; an existing session of the same task is resumed
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+    /// Print one JSON object at the end instead of a summary
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Args)]
+#[command(after_help = "Example: skillet controller --cell kitchen --config config/pancake.toml")]
+pub struct ControllerArgs {
+    /// Cell to serve; its name is shared with the learner
+    #[arg(long)]
+    pub cell: Option<String>,
+    #[arg(long)]
+    pub config: Option<PathBuf>,
+    #[arg(long, value_enum, default_value_t = PaceArg::Realtime)]
+    pub pace: PaceArg,
+    /// End when the process that started this one ends
+    #[arg(long, hide = true)]
+    pub child: bool,
+}
+
+#[derive(Args)]
+#[command(after_help = "Example: skillet learner --cell kitchen --session sessions/kitchen")]
+pub struct LearnerArgs {
+    #[arg(long)]
+    pub cell: Option<String>,
+    /// Session folder to create or resume
+    #[arg(long)]
+    pub session: PathBuf,
+    /// Configuration of a new session; a resumed one brings its own
+    #[arg(long)]
+    pub config: Option<PathBuf>,
+    /// Print one JSON object a trial
+    #[arg(long)]
+    pub json: bool,
+    /// End when the process that started this one ends
+    #[arg(long, hide = true)]
+    pub child: bool,
+}
+
+#[derive(Args)]
+#[command(after_help = "Example: skillet status --cell kitchen --json")]
+pub struct StatusArgs {
+    #[arg(long)]
+    pub cell: Option<String>,
+    #[arg(long)]
+    pub config: Option<PathBuf>,
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Args)]
+pub struct PolicyArgs {
+    #[command(subcommand)]
+    pub verb: PolicyVerb,
+}
+
+#[derive(Subcommand)]
+pub enum PolicyVerb {
+    /// List the policies of a session, one a trial
+    #[command(after_help = "Example: skillet policy list sessions/pancake-1 --best 5")]
+    List {
+        session: PathBuf,
+        /// Only the N policies with the highest reward
+        #[arg(long)]
+        best: Option<usize>,
+        #[arg(long)]
+        json: bool,
+    },
+    /// Show the parameters of one policy
+    #[command(after_help = "Example: skillet policy show sessions/pancake-1 17 --json")]
+    Show {
+        session: PathBuf,
+        /// Policy id, as in `policy list`; 0 is the initial policy
+        id: u64,
+        #[arg(long)]
+        json: bool,
+    },
+}
+
+#[derive(Args)]
+#[command(after_help = "Example: skillet report sessions/pancake-1")]
+pub struct ReportArgs {
+    /// Session folder
+    pub session: PathBuf,
+    /// Print the paths written as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Args)]
+#[command(after_help = "\
+Examples:
+  skillet config > my.toml            every setting with its default
+  skillet config --config my.toml     what my.toml means")]
+pub struct ConfigArgs {
+    #[arg(long)]
+    pub config: Option<PathBuf>,
+    #[arg(long)]
+    pub json: bool,
+}

@@ -1,0 +1,41 @@
+//! `skillet controller`: the controller service of a cell.
+
+use anyhow::Result;
+use physics::outcome::OutcomeConfig;
+use physics::pancake::PancakePlant;
+use rt_controller::run::Controlled;
+use shm_types::cell::Cell;
+
+use crate::Verdict;
+use crate::cli::ControllerArgs;
+use crate::config::Config;
+use crate::{log, setup};
+
+pub fn run(args: &ControllerArgs) -> Result<Verdict> {
+    if args.child {
+        setup::end_with_parent()?;
+    }
+    let config = Config::load(args.config.as_deref())?;
+    log::start(&config.log);
+    let cell = Cell::new(args.cell.as_deref().unwrap_or(&config.cell.name))?;
+    let stop = setup::stop_flag()?;
+
+    let model = setup::arm(&config)?;
+    let q0 = config.plant.start_posture();
+    let world = config.plant.world(config.controller.period_s());
+    let mut plant = PancakePlant::new(&model, &q0, &world);
+    let outcome = OutcomeConfig { pan_radius: world.pan_radius, ..OutcomeConfig::default() };
+
+    tracing::info!(cell = cell.name(), pace = args.pace.name(), "controller ready");
+    let controlled = Controlled { model: &model, plant: &mut plant, q0, outcome };
+    let summary =
+        rt_controller::run(&cell, &config.controller, args.pace.into(), controlled, &stop)?;
+    tracing::info!(
+        rollouts = summary.rollouts,
+        policies_refused = summary.policies_refused,
+        ticks = summary.ticks,
+        deadline_misses = summary.deadline_misses,
+        "controller ended in order"
+    );
+    Ok(Verdict::Done)
+}

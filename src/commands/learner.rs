@@ -1,0 +1,102 @@
+//! `skillet learner`: the learner service of a cell.
+
+use std::hash::{BuildHasher, Hasher, RandomState};
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use anyhow::{Context, Result};
+use learner::Learner;
+use learner::session::{self, End, Event};
+use learner::store::SessionMeta;
+use shm_types::cell::{Cell, Role};
+use shm_types::channel::ChannelError;
+use shm_types::ports::LearnerPorts;
+
+use crate::Verdict;
+use crate::cli::LearnerArgs;
+use crate::config::Config;
+use crate::progress::TrialLine;
+use crate::session_folder::SessionFolder;
+use crate::{log, setup};
+
+/// How long a learner looks for a controller before it says so, and looks again.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+pub fn run(args: &LearnerArgs) -> Result<Verdict> {
+    if args.child {
+        setup::end_with_parent()?;
+    }
+    let folder = SessionFolder::at(&args.session);
+    if !folder.has_session() || args.config.is_some() {
+        let config = Config::load(args.config.as_deref())?;
+        let demonstration = setup::demonstration(&config)?;
+        setup::check_duration(&config, &demonstration)?;
+        setup::check_reach(&setup::arm(&config)?, &config.plant.start_posture(), &demonstration)?;
+        if !folder.has_session() {
+            folder.write(&config)?;
+        }
+    }
+    let config = Config::load(Some(&folder.config_path()))?;
+    log::start(&config.log);
+    let stop = setup::stop_flag()?;
+    let cell = Cell::new(args.cell.as_deref().unwrap_or(&config.cell.name))?;
+    let _lock = cell.lock(Role::Learner)?;
+    let mut learner = open(&folder, &config)?;
+
+    let ports = loop {
+        match LearnerPorts::open(&cell, PATIENCE, &|| stop.load(Ordering::Relaxed)) {
+            Ok(ports) => break ports,
+            Err(ChannelError::NoController { .. }) if stop.load(Ordering::Relaxed) => {
+                return Ok(Verdict::Negative);
+            }
+            Err(error @ ChannelError::NoController { .. }) => tracing::warn!("{error}; waiting"),
+            Err(error) => return Err(error.into()),
+        }
+    };
+    tracing::info!(cell = cell.name(), session = %folder.dir().display(), "learner ready");
+    let mut line = TrialLine::so_far(&learner.summary());
+    let mut on_event = |event| report(&event, &mut line, args.json);
+    let end = session::run(&ports, &mut learner, &stop, &mut on_event)?;
+    tracing::info!(trials = learner.trials().len(), "learner ended in order");
+    Ok(if end == End::Done { Verdict::Done } else { Verdict::Negative })
+}
+
+fn open(folder: &SessionFolder, config: &Config) -> Result<Learner> {
+    let learner = if folder.database().exists() {
+        Learner::resume(folder.dir(), &config.task.name, &config.learner)
+    } else {
+        let meta = SessionMeta {
+            task: config.task.name.clone(),
+            // Only a name: it decides nothing, so it may differ between equal sessions.
+            session_id: RandomState::new().build_hasher().finish(),
+            config_toml: config.to_toml()?,
+            learner: config.learner.clone(),
+        };
+        Learner::create(folder.dir(), meta, &setup::demonstration(config)?)
+    };
+    learner.with_context(|| format!("session {}", folder.dir().display()))
+}
+
+fn report(event: &Event, line: &mut TrialLine, json: bool) {
+    match event {
+        Event::Trial(trial) => {
+            line.add(trial);
+            if json {
+                // One line a trial: whoever started this process reads them.
+                if let Ok(text) = serde_json::to_string(line) {
+                    println!("{text}");
+                }
+            } else {
+                let (rollout, reward, success) = (trial.rollout, trial.reward, trial.success);
+                tracing::info!(rollout, reward, success, "trial");
+            }
+        }
+        Event::ControllerSilent(age) => {
+            tracing::warn!("controller silent for {:.1} s; waiting for it", age.as_secs_f64());
+        }
+        Event::ControllerBack => tracing::info!("controller is back"),
+        Event::AskedAgain { rollout, reason } => {
+            tracing::warn!("rollout {rollout} asked for again: {reason}");
+        }
+    }
+}

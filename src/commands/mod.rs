@@ -1,0 +1,9 @@
+//! One file a verb.
+
+pub mod config;
+pub mod controller;
+pub mod learn;
+pub mod learner;
+pub mod policy;
+pub mod report;
+pub mod status;

@@ -1,0 +1,100 @@
+//! `skillet policy`: the policies of a session.
+
+use std::path::Path;
+
+use anyhow::{Result, bail};
+use learner::policy_json;
+use learner::store::{Store, TrialRecord};
+use serde_json::json;
+use shm_types::policy::{ACTIVATION_DECAY, PolicyMsg};
+
+use super::report::open;
+use crate::Verdict;
+use crate::cli::{PolicyArgs, PolicyVerb};
+use crate::session_folder::SessionFolder;
+
+pub fn run(args: &PolicyArgs) -> Result<Verdict> {
+    match &args.verb {
+        PolicyVerb::List { session, best, json } => list(&store(session)?, *best, *json),
+        PolicyVerb::Show { session, id, json } => show(&store(session)?, *id, *json),
+    }
+}
+
+fn store(session: &Path) -> Result<Store> {
+    let folder = SessionFolder::open(session)?;
+    open(folder.dir(), &folder.database())
+}
+
+fn list(store: &Store, best: Option<usize>, as_json: bool) -> Result<Verdict> {
+    let mut trials = store.trials()?;
+    if let Some(n) = best {
+        trials.sort_by(|a, b| b.reward.total_cmp(&a.reward).then(a.rollout.cmp(&b.rollout)));
+        trials.truncate(n);
+    }
+    if as_json {
+        let rows: Vec<_> = trials.iter().map(row).collect();
+        println!("{}", serde_json::to_string_pretty(&rows)?);
+        return Ok(Verdict::Done);
+    }
+    println!("policy  rollout  reward  caught  apex m  angle rad  lateral m  applied at tick");
+    for trial in &trials {
+        let outcome = &trial.outcome;
+        println!(
+            "{:6}  {:7}  {:6.3}  {:6}  {:6.3}  {:9.3}  {:9.3}  {}",
+            trial.policy_id,
+            trial.rollout,
+            trial.reward,
+            if trial.success() { "yes" } else { "no" },
+            outcome.apex_m,
+            outcome.flip_angle_rad,
+            outcome.lateral_m,
+            trial.applied_tick
+        );
+    }
+    Ok(Verdict::Done)
+}
+
+fn row(trial: &TrialRecord) -> serde_json::Value {
+    json!({
+        "policy_id": trial.policy_id,
+        "rollout": trial.rollout,
+        "reward": trial.reward,
+        "success": trial.success(),
+        "applied_tick": trial.applied_tick,
+        "fault": trial.fault,
+        "outcome": trial.outcome.fields().into_iter().collect::<std::collections::BTreeMap<_, _>>(),
+    })
+}
+
+fn show(store: &Store, id: u64, as_json: bool) -> Result<Verdict> {
+    let Some(policy) = store.policy(id)? else {
+        bail!("policy {id}: not in this session; `skillet policy list` shows what is");
+    };
+    if as_json {
+        println!("{}", policy_json::to_json(&policy)?);
+    } else {
+        print!("{}", as_text(&policy));
+    }
+    Ok(Verdict::Done)
+}
+
+fn as_text(policy: &PolicyMsg) -> String {
+    let d = policy.task_dim as usize;
+    let driven = if policy.activation == ACTIVATION_DECAY { "decay" } else { "time" };
+    let mut text = format!(
+        "policy {} of rollout {}: {d} coordinates, {} components driven by {driven}, {} s, \
+         damping {:.2} /s\n",
+        policy.policy_id, policy.rollout, policy.n_components, policy.duration_s, policy.damping
+    );
+    const NAMES: [&str; 6] = ["x m", "y m", "z m", "pitch rad", "roll rad", "yaw rad"];
+    for (i, component) in policy.components().iter().enumerate() {
+        text += &format!("\ncomponent {} at {:.3}\n", i + 1, component.center);
+        for (row, name) in NAMES.iter().enumerate().take(d) {
+            let stiffness: Vec<String> =
+                (0..d).map(|c| format!("{:9.2}", component.stiffness_at(row, c))).collect();
+            let attractor = component.attractor[row];
+            text += &format!("  {name:9} {attractor:8.4}   K {} /s²\n", stiffness.join(" "));
+        }
+    }
+    text
+}

@@ -1,0 +1,91 @@
+//! `skillet report`: figures and one HTML page of a session.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+use learner::store::{Store, TrialRecord};
+use learner::summary::Summary;
+use serde_json::json;
+
+use crate::Verdict;
+use crate::cli::ReportArgs;
+use crate::report::{self, ReportData, TrialRow};
+use crate::session_folder::SessionFolder;
+
+pub fn run(args: &ReportArgs) -> Result<Verdict> {
+    let folder = SessionFolder::open(&args.session)?;
+    let page = write(&folder, &[])?;
+    if args.json {
+        println!("{}", json!({ "report": page }));
+    } else {
+        println!("{}", page.display());
+    }
+    Ok(Verdict::Done)
+}
+
+/// Writes `report/index.html` and the figures beside it; returns the page.
+pub fn write(folder: &SessionFolder, notes: &[(String, String)]) -> Result<PathBuf> {
+    let data = gather(folder, notes)?;
+    let dir = folder.report_dir();
+    let write = |name: &str, text: &str| -> Result<PathBuf> {
+        let path = dir.join(name);
+        fs::write(&path, text)
+            .with_context(|| format!("{}: cannot write the report", path.display()))?;
+        Ok(path)
+    };
+    fs::create_dir_all(&dir)
+        .with_context(|| format!("{}: cannot create the report folder", dir.display()))?;
+    for (stem, svg) in report::figures(&data) {
+        write(&format!("{stem}.svg"), &svg)?;
+    }
+    write("index.html", &report::render(&data))
+}
+
+fn gather(folder: &SessionFolder, notes: &[(String, String)]) -> Result<ReportData> {
+    let store = open(folder.dir(), &folder.database())?;
+    let trials = store.trials()?;
+    let initial = store.initial_policy()?;
+    let learnt_rollout = learnt(&trials);
+    let learnt = match trials.iter().find(|trial| trial.rollout == learnt_rollout) {
+        Some(trial) => store.policy(trial.policy_id)?.unwrap_or(initial),
+        None => initial,
+    };
+    let outcome_of = |rollout| trials.iter().find(|t| t.rollout == rollout).map(|t| t.outcome);
+    Ok(ReportData {
+        task: store.meta().task.clone(),
+        session: folder.name(),
+        seed: store.meta().learner.seed,
+        config_toml: store.meta().config_toml.clone(),
+        initial,
+        learnt,
+        learnt_rollout,
+        // Rollout 1 executes the initial policy itself.
+        initial_path: store.path(1)?.unwrap_or_default(),
+        learnt_path: store.path(learnt_rollout)?.unwrap_or_default(),
+        learnt_outcome: outcome_of(learnt_rollout).unwrap_or(shm_types::episode::OutcomeMsg::ZERO),
+        notes: notes.to_vec(),
+        trials: trials
+            .iter()
+            .map(|trial| TrialRow {
+                rollout: trial.rollout,
+                reward: trial.reward,
+                success: trial.success(),
+                outcome: trial.outcome,
+                fault: trial.fault,
+            })
+            .collect(),
+    })
+}
+
+/// The rollout shown as "learnt": the best caught flip, or the best reward when there is none.
+fn learnt(trials: &[TrialRecord]) -> u64 {
+    let caught: Vec<TrialRecord> = trials.iter().filter(|t| t.success()).cloned().collect();
+    let candidates = if caught.is_empty() { trials } else { &caught };
+    Summary::of(candidates).best_rollout.unwrap_or(1)
+}
+
+/// Opens the session's database; the error names the session.
+pub fn open(dir: &Path, database: &Path) -> Result<Store> {
+    Store::open(database).with_context(|| format!("session {}", dir.display()))
+}

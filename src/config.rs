@@ -1,0 +1,227 @@
+//! The configuration file: `[cell] [task] [controller] [plant] [learner] [log]`, one table each.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use learner::LearnerConfig;
+use physics::arm::JointVector;
+use physics::pancake::{PancakeConfig, WAM7_START_POSTURE};
+use rt_controller::ControllerConfig;
+use serde::{Deserialize, Serialize};
+
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Config {
+    pub cell: CellConfig,
+    pub task: TaskConfig,
+    pub log: LogConfig,
+    pub plant: PlantConfig,
+    pub controller: ControllerConfig,
+    pub learner: LearnerConfig,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct CellConfig {
+    /// Prefix of everything controller and learner share.
+    pub name: String,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TaskConfig {
+    pub name: String,
+    /// CSV `t_s,x_m,y_m,z_m,pitch_rad`; the built-in demonstration when absent.
+    pub demonstration: Option<PathBuf>,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LogConfig {
+    /// error, warn, info, debug or trace.
+    pub level: String,
+    /// text or json.
+    pub format: String,
+}
+
+/// The simulated arm, pan and pancake.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PlantConfig {
+    /// URDF of the arm with its pan; the built-in WAM when absent.
+    pub arm: Option<PathBuf>,
+    /// Link whose frame is the pan: origin on its surface, z its normal.
+    pub tip: String,
+    /// Where rollouts start; the pan must be level there.
+    pub start_posture_rad: Vec<f64>,
+    pub pancake_mass_kg: f64,
+    pub pancake_radius_m: f64,
+    /// Start of the pancake relative to the centre of the pan.
+    pub pancake_offset_m: [f64; 2],
+    pub friction: f64,
+    pub restitution: f64,
+    pub contact_frequency_hz: f64,
+    pub contact_damping_ratio: f64,
+    pub solver_iterations: usize,
+}
+
+impl Default for CellConfig {
+    fn default() -> Self {
+        CellConfig { name: "skillet".into() }
+    }
+}
+
+impl Default for TaskConfig {
+    fn default() -> Self {
+        TaskConfig { name: "pancake".into(), demonstration: None }
+    }
+}
+
+impl Default for LogConfig {
+    fn default() -> Self {
+        LogConfig { level: "info".into(), format: "text".into() }
+    }
+}
+
+impl Default for PlantConfig {
+    fn default() -> Self {
+        let world = PancakeConfig::default();
+        PlantConfig {
+            arm: None,
+            tip: "pan".into(),
+            start_posture_rad: WAM7_START_POSTURE.iter().copied().collect(),
+            pancake_mass_kg: world.pancake_mass,
+            pancake_radius_m: world.pancake_radius,
+            pancake_offset_m: world.pancake_offset,
+            friction: world.friction,
+            restitution: world.restitution,
+            contact_frequency_hz: world.contact_frequency_hz,
+            contact_damping_ratio: world.contact_damping_ratio,
+            solver_iterations: world.solver_iterations,
+        }
+    }
+}
+
+impl PlantConfig {
+    pub fn world(&self, period_s: f64) -> PancakeConfig {
+        PancakeConfig {
+            period_s,
+            pancake_mass: self.pancake_mass_kg,
+            pancake_radius: self.pancake_radius_m,
+            pancake_offset: self.pancake_offset_m,
+            friction: self.friction,
+            restitution: self.restitution,
+            contact_frequency_hz: self.contact_frequency_hz,
+            contact_damping_ratio: self.contact_damping_ratio,
+            solver_iterations: self.solver_iterations,
+            ..PancakeConfig::default()
+        }
+    }
+
+    pub fn start_posture(&self) -> JointVector {
+        let mut q = JointVector::zeros();
+        for (q, value) in q.iter_mut().zip(&self.start_posture_rad) {
+            *q = *value;
+        }
+        q
+    }
+
+    fn validate(&self) -> Result<()> {
+        for (field, value, min, max) in [
+            ("pancake_mass_kg", self.pancake_mass_kg, 1e-3, 2.0),
+            ("pancake_radius_m", self.pancake_radius_m, 0.02, 0.125),
+            ("pancake_offset_m[0]", self.pancake_offset_m[0], -0.1, 0.1),
+            ("pancake_offset_m[1]", self.pancake_offset_m[1], -0.1, 0.1),
+            ("friction", self.friction, 0.0, 2.0),
+            ("restitution", self.restitution, 0.0, 1.0),
+            ("contact_frequency_hz", self.contact_frequency_hz, 5.0, 500.0),
+            ("contact_damping_ratio", self.contact_damping_ratio, 0.1, 20.0),
+            ("solver_iterations", self.solver_iterations as f64, 1.0, 64.0),
+        ] {
+            if !(min..=max).contains(&value) {
+                bail!("plant.{field} is {value}: use a value within {min}..={max}");
+            }
+        }
+        let posture = &self.start_posture_rad;
+        if posture.is_empty() || posture.len() > physics::arm::MAX_JOINTS {
+            bail!(
+                "plant.start_posture_rad has {} numbers: give one a joint of the arm, 1 to {}",
+                posture.len(),
+                physics::arm::MAX_JOINTS
+            );
+        }
+        if let Some(bad) = posture.iter().find(|q| !q.is_finite()) {
+            bail!("plant.start_posture_rad holds {bad}: give finite angles in rad");
+        }
+        Ok(())
+    }
+}
+
+impl Config {
+    /// Reads `path`, or takes the defaults. Relative paths inside are relative to the file.
+    pub fn load(path: Option<&Path>) -> Result<Config> {
+        let Some(path) = path else { return Ok(Config::default()) };
+        let text = std::fs::read_to_string(path).with_context(|| {
+            format!("{}: cannot read the configuration; check the path", path.display())
+        })?;
+        // toml names line and field, and lists the fields it knows.
+        let mut config: Config = toml::from_str(&text)
+            .with_context(|| format!("{}: not a valid configuration", path.display()))?;
+        let folder = path.parent().unwrap_or(Path::new("."));
+        for inner in [&mut config.task.demonstration, &mut config.plant.arm].into_iter().flatten() {
+            *inner = folder.join(&*inner);
+        }
+        config.validate().with_context(|| path.display().to_string())?;
+        Ok(config)
+    }
+
+    pub fn validate(&self) -> Result<()> {
+        shm_types::cell::Cell::new(&self.cell.name).context("cell.name")?;
+        if self.task.name != "pancake" {
+            bail!("task.name is '{}': this build knows pancake", self.task.name);
+        }
+        if !["error", "warn", "info", "debug", "trace"].contains(&self.log.level.as_str()) {
+            bail!("log.level is '{}': use error, warn, info, debug or trace", self.log.level);
+        }
+        if !["text", "json"].contains(&self.log.format.as_str()) {
+            bail!("log.format is '{}': use text or json", self.log.format);
+        }
+        self.plant.validate()?;
+        self.plant.world(self.controller.period_s()).check().context("plant")?;
+        self.controller.validate()?;
+        self.learner.validate()?;
+        Ok(())
+    }
+
+    pub fn to_toml(&self) -> Result<String> {
+        toml::to_string(self).context("the configuration cannot be written as TOML")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_written_reads_back() {
+        let config = Config::default();
+        assert_eq!(toml::from_str::<Config>(&config.to_toml().unwrap()).unwrap(), config);
+        config.validate().unwrap();
+    }
+
+    #[test]
+    fn misspelt_keys_are_refused_by_name_and_line() {
+        let error = toml::from_str::<Config>("[learner]\nseed = 1\nrolouts = 5\n").unwrap_err();
+        let message = error.to_string();
+        assert!(message.contains("line 3") && message.contains("rolouts"), "{message}");
+        assert!(message.contains("`rollouts`"), "the message lists what is known: {message}");
+    }
+
+    #[test]
+    fn ranges_name_the_field() {
+        let mut config = Config::default();
+        config.plant.friction = -0.1;
+        let message = format!("{:#}", config.validate().unwrap_err());
+        assert!(message.contains("plant.friction is -0.1"), "{message}");
+    }
+}

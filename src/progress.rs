@@ -1,0 +1,101 @@
+//! Progress of a session: a bar on a terminal, a line now and then elsewhere.
+
+use std::io::IsTerminal;
+
+use indicatif::{ProgressBar, ProgressStyle};
+use learner::summary::{Summary, TrialReport};
+use serde::{Deserialize, Serialize};
+
+/// What the learner process says after each trial, one JSON object a line.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TrialLine {
+    pub rollout: u64,
+    pub reward: f64,
+    pub success: bool,
+    pub best_reward: f64,
+    pub successes: u64,
+    pub first_success: Option<u64>,
+}
+
+impl TrialLine {
+    /// The line before the first trial of this run.
+    pub fn so_far(summary: &Summary) -> TrialLine {
+        TrialLine {
+            rollout: summary.trials,
+            reward: 0.0,
+            success: false,
+            best_reward: summary.best_reward,
+            successes: summary.successes,
+            first_success: summary.first_success,
+        }
+    }
+
+    pub fn add(&mut self, trial: &TrialReport) {
+        self.rollout = trial.rollout;
+        self.reward = trial.reward;
+        self.success = trial.success;
+        self.best_reward = self.best_reward.max(trial.reward);
+        if trial.success {
+            self.successes += 1;
+            self.first_success = self.first_success.or(Some(trial.rollout));
+        }
+    }
+}
+
+/// Without a terminal, one line each so many rollouts.
+const LINE_EVERY: u64 = 10;
+
+pub struct Progress {
+    bar: Option<ProgressBar>,
+    rollouts: u64,
+}
+
+impl Progress {
+    /// For a session of `rollouts`, of which `done` are over already.
+    pub fn new(rollouts: u64, done: u64) -> Progress {
+        let bar = std::io::stderr().is_terminal().then(|| {
+            let style = ProgressStyle::with_template(
+                "{bar:30.cyan/blue} {pos}/{len}  {msg}  {elapsed_precise}",
+            );
+            let bar = ProgressBar::new(rollouts);
+            bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+            bar.set_position(done);
+            bar.set_message("starting controller and learner");
+            bar
+        });
+        Progress { bar, rollouts }
+    }
+
+    pub fn trial(&self, trial: &TrialLine) {
+        let message = format!(
+            "reward {:.3}  best {:.3}  flips {}{}",
+            trial.reward,
+            trial.best_reward,
+            trial.successes,
+            trial.first_success.map_or(String::new(), |first| format!(" (first {first})"))
+        );
+        match &self.bar {
+            Some(bar) => {
+                bar.set_position(trial.rollout);
+                bar.set_message(message);
+            }
+            None if trial.rollout % LINE_EVERY == 0 || trial.rollout == self.rollouts => {
+                eprintln!("rollout {}/{}  {message}", trial.rollout, self.rollouts);
+            }
+            None => {}
+        }
+    }
+
+    pub fn note(&self, text: &str) {
+        match &self.bar {
+            Some(bar) => bar.println(text),
+            None => eprintln!("{text}"),
+        }
+    }
+
+    pub fn finish(&self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}

@@ -1,0 +1,132 @@
+//! A figure: rows of panels with a caption, as part of the page and as a file of its own.
+
+use super::style;
+use super::svg::{Anchor, Panel, escape};
+
+/// Width of a figure on a wide page, and of its panels, px.
+pub const WIDE: f64 = 1000.0;
+pub const NARROW: f64 = 400.0;
+pub const THIRD: f64 = 320.0;
+pub const FRAME: f64 = 118.0;
+
+/// Panels side by side; on a narrow page they wrap.
+pub enum Row {
+    /// The same panel drawn for a wide and for a narrow page.
+    Wide { wide: Panel, narrow: Panel },
+    /// Small multiples, three in a row.
+    Thirds(Vec<Panel>),
+    /// A film strip, eight in a row.
+    Frames(Vec<Panel>),
+    /// One panel, the caption beside it where there is room.
+    Beside(Panel),
+}
+
+pub struct Figure {
+    /// Name of its file.
+    pub stem: &'static str,
+    pub title: &'static str,
+    /// HTML; what comes from the session in it is escaped.
+    pub caption: String,
+    /// The drawing, or why there is none.
+    pub rows: Result<Vec<Row>, String>,
+}
+
+impl Row {
+    /// One panel for each width of the page.
+    pub fn wide(draw: impl Fn(f64) -> Panel) -> Row {
+        Row::Wide { wide: draw(WIDE), narrow: draw(NARROW) }
+    }
+
+    /// The panels on a wide page and the gap between them.
+    fn panels(&self) -> (&[Panel], f64) {
+        match self {
+            Row::Wide { wide, .. } => (std::slice::from_ref(wide), 0.0),
+            Row::Thirds(panels) => (panels, 20.0),
+            Row::Frames(panels) => (panels, 8.0),
+            Row::Beside(panel) => (std::slice::from_ref(panel), 0.0),
+        }
+    }
+
+    fn html(&self) -> String {
+        if let Row::Wide { wide, narrow } = self {
+            return format!(
+                "<div class=\"row wide\">\n{}</div>\n<div class=\"row narrow\">\n{}</div>\n",
+                wide.inline(),
+                narrow.inline()
+            );
+        }
+        let class = match self {
+            Row::Thirds(_) => " thirds",
+            Row::Frames(_) => " frames",
+            Row::Wide { .. } | Row::Beside(_) => "",
+        };
+        let panels: String = self.panels().0.iter().map(Panel::inline).collect();
+        format!("<div class=\"row{class}\">\n{panels}</div>\n")
+    }
+
+    /// Places the panels from `top` downwards; returns the drawing and where it ends.
+    fn placed(&self, top: f64) -> (String, f64, f64) {
+        let (panels, gap) = self.panels();
+        let (mut x, mut y, mut row_height, mut right) = (0.0, top, 0.0, 0.0_f64);
+        let mut drawing = String::new();
+        for panel in panels {
+            if x > 0.0 && x + panel.width > WIDE + 1.0 {
+                (x, y, row_height) = (0.0, y + row_height + 12.0, 0.0);
+            }
+            drawing += &panel.placed((x, y));
+            right = right.max(x + panel.width);
+            x += panel.width + gap;
+            row_height = panel.height.max(row_height);
+        }
+        (drawing, right, y + row_height)
+    }
+}
+
+impl Figure {
+    /// As section `number` of the page.
+    pub fn html(&self, number: usize) -> String {
+        let Figure { stem, title, caption, .. } = self;
+        let drawing: String = match &self.rows {
+            Ok(rows) => rows.iter().map(Row::html).collect(),
+            Err(missing) => {
+                let missing = escape(missing);
+                return format!(
+                    "<section id=\"{stem}\">\n<h2>{title}</h2>\n\
+                     <p class=\"missing\">Figure {number} is missing: {missing}</p>\n</section>\n"
+                );
+            }
+        };
+        let beside = self.rows.iter().flatten().any(|row| matches!(row, Row::Beside(_)));
+        let class = if beside { " class=\"beside\"" } else { "" };
+        format!(
+            "<section id=\"{stem}\">\n<h2>{title}</h2>\n<figure{class}>\n{drawing}\
+             <figcaption><b>Figure {number}.</b> {caption}</figcaption>\n</figure>\n</section>\n"
+        )
+    }
+
+    /// As a stand-alone SVG file, if there is a drawing.
+    pub fn svg(&self) -> Option<String> {
+        let rows = self.rows.as_ref().ok()?;
+        const MARGIN: f64 = 16.0;
+        let (mut drawing, mut width, mut y) = (String::new(), 0.0_f64, 34.0);
+        for row in rows {
+            let (part, right, end) = row.placed(y);
+            drawing += &part;
+            width = width.max(right);
+            y = end + 12.0;
+        }
+        let mut title = Panel::new(0.0, 0.0, "");
+        title.text((2.0, 15.0), Anchor::Start, "title", self.title);
+        let (full_width, full_height) = (width + 2.0 * MARGIN, y + 2.0 * MARGIN);
+        Some(format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{full_width:.0}\" \
+             height=\"{full_height:.0}\" viewBox=\"-{MARGIN} -{MARGIN} {full_width:.1} \
+             {full_height:.1}\">\n<title>{name}</title>\n<style>\n{style}</style>\n\
+             <rect class=\"page\" x=\"-{MARGIN}\" y=\"-{MARGIN}\" width=\"100%\" \
+             height=\"100%\"/>\n{title}{drawing}</svg>\n",
+            name = escape(self.title),
+            style = style::figure(),
+            title = title.placed((0.0, 0.0)),
+        ))
+    }
+}

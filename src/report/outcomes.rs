@@ -1,0 +1,114 @@
+//! What each rollout did to the pancake: the quantities of the reward (the paper's Fig. 3, left)
+//! over the rollouts.
+
+use shm_types::episode::OutcomeMsg;
+
+use super::figure::{Figure, Row, THIRD};
+use super::plot::{Axis, Plot};
+use super::svg::Panel;
+use super::{ReportData, TrialRow};
+
+/// Radius of the pan, m.
+const PAN_RADIUS_M: f64 = 0.13;
+/// A miss beyond this is drawn here, m: a pancake thrown away must not flatten the others.
+const MISS_MAX_M: f64 = 0.4;
+
+/// One panel: its axis, the value of an outcome in the axis's unit if it has one, and a level to
+/// compare with.
+struct Quantity {
+    axis: Axis,
+    value: fn(&OutcomeMsg) -> Option<f64>,
+    reference: Option<(f64, &'static str)>,
+}
+
+pub fn figure(data: &ReportData) -> Figure {
+    let rows = if data.trials.is_empty() {
+        Err("the session has no rollout yet.".to_owned())
+    } else {
+        let panels = quantities(&data.trials).iter().map(|q| draw(&data.trials, q)).collect();
+        Ok(vec![Row::Thirds(panels)])
+    };
+    Figure {
+        stem: "outcomes",
+        title: "Outcomes over the rollouts",
+        caption: format!(
+            "Filled points: caught flips. A short stroke on the axis marks a rollout whose pancake \
+             never crossed the height at which angle and miss are measured; a miss beyond \
+             {:.0}&#8239;cm is drawn there.",
+            MISS_MAX_M * 100.0
+        ),
+        rows,
+    }
+}
+
+fn quantities(trials: &[TrialRow]) -> [Quantity; 3] {
+    let apexes = trials.iter().map(|trial| trial.outcome.apex_m);
+    [
+        Quantity {
+            axis: Axis { label: "flip angle at the crossing, °", min: 0.0, max: 200.0 },
+            value: |outcome| crossed(outcome).then(|| outcome.flip_angle_rad.to_degrees()),
+            reference: Some((180.0, "half a turn")),
+        },
+        Quantity {
+            axis: Axis::rounded("apex above the start, m", apexes.chain([0.0])),
+            value: |outcome| Some(outcome.apex_m),
+            reference: None,
+        },
+        Quantity {
+            axis: Axis { label: "lateral miss at the crossing, cm", min: 0.0, max: 41.0 },
+            value: |outcome| crossed(outcome).then(|| outcome.lateral_m.min(MISS_MAX_M) * 100.0),
+            reference: Some((PAN_RADIUS_M * 100.0, "edge of the pan")),
+        },
+    ]
+}
+
+/// Did the pancake fall back through Δ_h? Without it there is neither angle nor distance.
+fn crossed(outcome: &OutcomeMsg) -> bool {
+    outcome.crossing_time_s > 0.0
+}
+
+fn draw(trials: &[TrialRow], quantity: &Quantity) -> Panel {
+    let last = trials.iter().map(|trial| trial.rollout as f64).fold(1.0, f64::max);
+    let x = Axis { label: "rollout", min: 0.0, max: last + 0.02 * last.max(20.0) };
+    let alt = format!("{} over {} rollouts", quantity.axis.label, trials.len());
+    let mut plot = Plot::new((THIRD, 230.0), &alt, x, quantity.axis, &[]);
+    if let Some((level, name)) = quantity.reference {
+        plot.reference(level, name);
+    }
+    // Successes last, so that they lie on top.
+    for success in [false, true] {
+        for trial in trials.iter().filter(|trial| trial.success == success) {
+            let class = if success { "dot success" } else { "dot failure" };
+            match (quantity.value)(&trial.outcome) {
+                Some(value) => plot.dot(trial.rollout as f64, value, 2.8, class),
+                None => plot.absent(trial.rollout as f64),
+            }
+        }
+    }
+    plot.panel
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::sample;
+
+    #[test]
+    fn marks_rollouts_without_a_crossing_instead_of_drawing_zero() {
+        let mut trials = sample::session(5).trials;
+        trials[3].outcome = OutcomeMsg::ZERO;
+        let [angle, apex, miss] = quantities(&trials).map(|quantity| draw(&trials, &quantity));
+        for panel in [angle, miss] {
+            assert_eq!(panel.inline().matches("absent").count(), 1);
+            assert_eq!(panel.inline().matches("<circle").count(), 4);
+        }
+        assert_eq!(apex.inline().matches("<circle").count(), 5);
+    }
+
+    #[test]
+    fn draws_far_misses_at_the_edge() {
+        let mut outcome = sample::session(1).trials[0].outcome;
+        outcome.lateral_m = 7.0;
+        assert_eq!((quantities(&[])[2].value)(&outcome), Some(40.0));
+    }
+}

@@ -1,0 +1,55 @@
+//! The page: verdict, summary, figures, terms, and at the end every number behind them.
+
+use super::figure::Figure;
+use super::svg::escape;
+use super::{ReportData, style, summary};
+
+const SOURCE: &str = "Calinon, Kormushev and Caldwell, <i>Compliant skills acquisition and \
+                      multi-optima policy search with EM-based reinforcement learning</i>";
+
+const TERMS: &str = "<b>Terms.</b> A <i>rollout</i> is one execution of a policy. The \
+    <i>policy</i> is a sequence of attractors, each with a stiffness; they act one after another \
+    and draw the pan along. <i>Release</i> is the moment the pancake leaves the pan, \
+    <i>apex</i> its highest rise above its start, <i>crossing</i> the moment it falls back to \
+    Δ<sub>h</sub> above the pan, where flip angle and distance are measured. The <i>flip angle</i> \
+    lies between the pancake's normals at the start and at the crossing: 180° is half a turn. The \
+    <i>lateral miss</i> is the distance of the two centres in the plane of the pan. In a <i>caught \
+    flip</i> the pancake lies in the pan upside down at the end.";
+
+pub fn html(data: &ReportData, figures: &[Figure]) -> String {
+    let task = escape(&data.task);
+    let figures: String = (1..).zip(figures).map(|(n, figure)| figure.html(n)).collect();
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+         <title>{task}: session {session}</title>\n<style>\n{style}</style>\n</head>\n<body>\n\
+         <header>\n<h1>Learning to flip: {task}</h1>\n\
+         <p class=\"kicker\">Session {session}. A robot arm improves a compliant movement, its \
+         path and its stiffness together, by trial and error; after {SOURCE}.</p>\n\
+         <p class=\"verdict\">{verdict}</p>\n</header>\n{tables}{figures}\
+         <p class=\"terms\" style=\"margin-top:44px\">{TERMS}</p>\n{details}</body>\n</html>\n",
+        session = escape(&data.session),
+        style = style::page(),
+        verdict = summary::verdict(&data.trials),
+        tables = summary::tables(data),
+        details = details(data),
+    )
+}
+
+/// What is folded away: every rollout and the configuration.
+fn details(data: &ReportData) -> String {
+    let configuration = escape(&data.config_toml);
+    let mut details = String::new();
+    if !data.trials.is_empty() {
+        details = format!(
+            "<details>\n<summary>All rollouts in numbers</summary>\n<div class=\"scroll\">\n{}\
+             </div>\n</details>\n",
+            summary::trials(&data.trials)
+        );
+    }
+    details
+        + &format!(
+            "<details>\n<summary>Configuration in effect</summary>\n<pre>{configuration}</pre>\n\
+             </details>\n"
+        )
+}

@@ -1,0 +1,116 @@
+//! Reward over the rollouts: the paper's Fig. 3, centre.
+
+use super::figure::{Figure, NARROW, Row};
+use super::plot::{Axis, Entry, Key, Plot};
+use super::svg::Panel;
+use super::{ReportData, TrialRow};
+
+/// Rollouts in a running mean.
+const WINDOW: usize = 10;
+
+const LEGEND: [Entry; 4] = [
+    (Key::Dot, "dot success", "caught flip"),
+    (Key::Dot, "dot failure", "no caught flip"),
+    (Key::Line, "best", "best so far"),
+    (Key::Line, "mean", "mean of the last 10"),
+];
+
+pub fn figure(data: &ReportData) -> Figure {
+    let rows = if data.trials.is_empty() {
+        Err("the session has no rollout yet.".to_owned())
+    } else {
+        Ok(vec![Row::wide(|width| draw(&data.trials, width))])
+    };
+    Figure {
+        stem: "reward",
+        title: "Reward over the rollouts",
+        caption: "Every rollout earns a reward for flip angle, nearness of pan and pancake, and \
+                  height. One point per rollout, filled where the pancake was flipped and caught."
+            .to_owned(),
+        rows,
+    }
+}
+
+fn draw(trials: &[TrialRow], width: f64) -> Panel {
+    let rollouts = || trials.iter().map(|trial| trial.rollout as f64);
+    let last = rollouts().fold(1.0, f64::max);
+    let x = Axis { label: "rollout", min: 0.0, max: last + 0.01 * last.max(20.0) };
+    let y = Axis::rounded("reward", trials.iter().map(|trial| trial.reward).chain([0.0]));
+    let successes = trials.iter().filter(|trial| trial.success).count();
+    let alt = format!("Reward of {} rollouts, {successes} with a caught flip", trials.len());
+    let mut plot = Plot::new((width, 300.0), &alt, x, y, &LEGEND);
+
+    let best = best_so_far(trials);
+    plot.curve(steps(&rollouts().zip(best).collect::<Vec<_>>()), "best");
+    plot.curve(rollouts().zip(running_mean(trials)).skip(WINDOW - 1), "mean");
+    if let Some(first) = trials.iter().find(|trial| trial.success) {
+        let name = format!("first caught flip: {}", first.rollout);
+        plot.event(first.rollout as f64, 0, &name);
+    }
+    let radius = if width > NARROW { 3.6 } else { 2.8 };
+    for trial in trials {
+        let class = if trial.success { "dot success" } else { "dot failure" };
+        plot.dot(trial.rollout as f64, trial.reward, radius, class);
+    }
+    plot.panel
+}
+
+/// Highest reward up to and including each rollout.
+fn best_so_far(trials: &[TrialRow]) -> Vec<f64> {
+    let best = |best: &mut f64, trial: &TrialRow| {
+        *best = best.max(trial.reward);
+        Some(*best)
+    };
+    trials.iter().scan(f64::NEG_INFINITY, best).collect()
+}
+
+/// Mean reward of each rollout and the [`WINDOW`] − 1 before it, as far as there are any.
+fn running_mean(trials: &[TrialRow]) -> Vec<f64> {
+    (1..=trials.len())
+        .map(|end| {
+            let window = &trials[end.saturating_sub(WINDOW)..end];
+            window.iter().map(|trial| trial.reward).sum::<f64>() / window.len() as f64
+        })
+        .collect()
+}
+
+/// The corners of a line that keeps each value until the next point.
+fn steps(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    let mut corners = Vec::with_capacity(2 * points.len());
+    for pair in points.windows(2) {
+        corners.extend([pair[0], (pair[1].0, pair[0].1)]);
+    }
+    corners.extend(points.last());
+    corners
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::sample;
+
+    #[test]
+    fn best_and_mean_follow_the_rewards() {
+        let mut trials = sample::session(12).trials;
+        for (i, trial) in trials.iter_mut().enumerate() {
+            trial.reward = [1.0, 3.0, 2.0, 5.0][i % 4];
+        }
+        assert_eq!(best_so_far(&trials)[..5], [1.0, 3.0, 3.0, 5.0, 5.0]);
+        assert_eq!(running_mean(&trials)[..2], [1.0, 2.0]);
+        assert_eq!(running_mean(&trials)[11], (2.0 + 5.0 + 11.0 + 11.0 - 3.0 + 0.0) / 10.0 + 0.3);
+    }
+
+    #[test]
+    fn draws_one_point_per_rollout() {
+        let data = sample::session(40);
+        let svg = draw(&data.trials, NARROW).inline();
+        let points = svg.matches("dot success").count() + svg.matches("dot failure").count();
+        assert_eq!(points, 40 + 2, "forty points and two in the legend");
+    }
+
+    #[test]
+    fn steps_are_level_between_points() {
+        assert_eq!(steps(&[(1.0, 5.0), (2.0, 7.0)]), [(1.0, 5.0), (2.0, 5.0), (2.0, 7.0)]);
+        assert_eq!(steps(&[]), []);
+    }
+}

@@ -1,0 +1,147 @@
+//! From configuration to the parts of a cell: arm, demonstration, and whether they fit.
+
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use anyhow::{Context, Result, bail};
+use learner::Demonstration;
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use physics::arm::{ArmModel, JointVector, inverse_kinematics, kinematics};
+use shm_types::episode::MAX_RECORDS;
+
+use crate::config::Config;
+
+/// Built in, so that the main job needs no file: the project's own URDF and demonstration.
+pub const WAM7_URDF: &str = include_str!("../robots/wam7/wam7_pan.urdf");
+pub const PANCAKE_DEMONSTRATION: &str = include_str!("../demos/pancake.csv");
+
+/// Farthest the demonstration may begin from the pan's start, m and rad.
+const START_TOLERANCE_M: f64 = 0.02;
+const START_TOLERANCE_RAD: f64 = 0.05;
+/// Every so many points of a demonstration are checked for reach.
+const REACH_STRIDE: usize = 5;
+
+pub fn arm(config: &Config) -> Result<ArmModel> {
+    let model = match &config.plant.arm {
+        Some(path) => ArmModel::from_urdf_file(path, &config.plant.tip)?,
+        None => ArmModel::from_urdf(WAM7_URDF, &config.plant.tip).context("built-in WAM")?,
+    };
+    let given = config.plant.start_posture_rad.len();
+    if given != model.n_joints() {
+        bail!(
+            "plant.start_posture_rad has {given} numbers, but the arm has {} joints: give one each",
+            model.n_joints()
+        );
+    }
+    let (q0, limits) = (config.plant.start_posture(), model.limits());
+    for (i, name) in model.joint_names().iter().enumerate() {
+        if !(limits.q_min[i]..=limits.q_max[i]).contains(&q0[i]) {
+            bail!(
+                "plant.start_posture_rad[{i}] is {}: joint {name} moves within {}..={} rad",
+                q0[i],
+                limits.q_min[i],
+                limits.q_max[i]
+            );
+        }
+    }
+    let tilt = (kinematics::tip_pose(&model, &q0).rotation * Vector3::z()).angle(&Vector3::z());
+    if tilt > START_TOLERANCE_RAD {
+        bail!(
+            "plant.start_posture_rad tilts the pan by {tilt:.3} rad: choose a posture in which link \
+             '{}' is level, or the pancake slides off before the first rollout",
+            config.plant.tip
+        );
+    }
+    Ok(model)
+}
+
+pub fn demonstration(config: &Config) -> Result<Demonstration> {
+    let parsed = match &config.task.demonstration {
+        Some(path) => {
+            let name = path.display().to_string();
+            let text = std::fs::read_to_string(path)
+                .with_context(|| format!("{name}: cannot read the demonstration"))?;
+            Demonstration::parse(&name, &text)?
+        }
+        None => Demonstration::parse("built-in demonstration", PANCAKE_DEMONSTRATION)?,
+    };
+    Ok(parsed)
+}
+
+/// A rollout of the demonstration's length fits into an episode.
+pub fn check_duration(config: &Config, demonstration: &Demonstration) -> Result<()> {
+    let longest = MAX_RECORDS as f64 * config.controller.period_s() - config.controller.settle_s;
+    let duration = demonstration.duration_s();
+    if duration >= longest {
+        bail!(
+            "{}: lasts {duration:.2} s; an episode holds {longest:.2} s at this \
+             controller.period_us and controller.settle_s: shorten it or change them",
+            demonstration.file()
+        );
+    }
+    Ok(())
+}
+
+/// Follows the demonstration with the arm, posture by posture, from the start posture.
+pub fn check_reach(
+    model: &ArmModel,
+    q0: &JointVector,
+    demonstration: &Demonstration,
+) -> Result<()> {
+    let file = demonstration.file();
+    let start = kinematics::tip_pose(model, q0);
+    let mut q = *q0;
+    for (i, pose) in demonstration.poses().iter().enumerate() {
+        let target = isometry(pose);
+        if i == 0 {
+            let gap = (target.translation.vector - start.translation.vector).norm();
+            let turn = target.rotation.angle_to(&start.rotation);
+            if gap > START_TOLERANCE_M || turn > START_TOLERANCE_RAD {
+                bail!(
+                    "{file}: begins {gap:.3} m and {turn:.3} rad from the pan in the start posture \
+                     ({:.3}, {:.3}, {:.3}) m: begin there, or change plant.start_posture_rad",
+                    start.translation.x,
+                    start.translation.y,
+                    start.translation.z
+                );
+            }
+        }
+        if i % REACH_STRIDE != 0 {
+            continue;
+        }
+        q = inverse_kinematics::solve(model, &target, &q).with_context(|| {
+            let t = i as f64 * demonstration.period_s();
+            format!(
+                "{file}: the pan cannot reach ({:.3}, {:.3}, {:.3}) m at t = {t:.2} s; move the \
+                 demonstration into the reach of the arm",
+                pose[0], pose[1], pose[2]
+            )
+        })?;
+    }
+    Ok(())
+}
+
+/// Task pose x, y, z, pitch, roll, yaw → X_WP.
+fn isometry(pose: &learner::trajectory::Pose) -> Isometry3<f64> {
+    let rotation = Vector3::new(pose[4], pose[3], pose[5]);
+    Isometry3::from_parts(
+        Translation3::new(pose[0], pose[1], pose[2]),
+        UnitQuaternion::from_scaled_axis(rotation),
+    )
+}
+
+/// A flag that SIGINT and SIGTERM set.
+pub fn stop_flag() -> Result<Arc<AtomicBool>> {
+    let stop = Arc::new(AtomicBool::new(false));
+    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+        signal_hook::flag::register(signal, stop.clone()).context("installing signal handlers")?;
+    }
+    Ok(stop)
+}
+
+/// Asks the kernel to end this process when its parent ends, however that happens.
+pub fn end_with_parent() -> Result<()> {
+    let signal = rustix::process::Signal::TERM;
+    rustix::process::set_parent_process_death_signal(Some(signal))
+        .context("asking to end with the parent process")
+}
