@@ -6,7 +6,6 @@ mod commands;
 mod config;
 mod log;
 mod progress;
-#[path = "/tmp/stash/report_stub.rs"]
 mod report;
 mod session_folder;
 mod setup;

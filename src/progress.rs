@@ -79,7 +79,7 @@ impl Progress {
                 bar.set_position(trial.rollout);
                 bar.set_message(message);
             }
-            None if trial.rollout % LINE_EVERY == 0 || trial.rollout == self.rollouts => {
+            None if trial.rollout.is_multiple_of(LINE_EVERY) || trial.rollout == self.rollouts => {
                 eprintln!("rollout {}/{}  {message}", trial.rollout, self.rollouts);
             }
             None => {}

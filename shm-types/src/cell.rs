@@ -20,6 +20,8 @@ const SHM_DIR: &str = "/dev/shm";
 /// iceoryx2 puts sockets below its root, whose paths end at 108 bytes.
 const MAX_ROOT_LEN: usize = 60;
 const MAX_NAME_LEN: usize = 24;
+/// No cell can have this name.
+const STARTING: &str = ".starting.lock";
 
 /// Who holds a lock of the cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -92,6 +94,8 @@ impl Cell {
     /// a process killed while it creates a service leaves that service unusable for good.
     pub fn lock(&self, role: Role) -> Result<CellLock, CellError> {
         self.create_dir()?;
+        // Looking whether the other role is free takes its lock for an instant: one at a time.
+        let _starting = self.starting()?;
         let lock = self.try_lock(role)?;
         let other = match role {
             Role::Controller => Role::Learner,
@@ -108,6 +112,7 @@ impl Cell {
         if !self.dir.is_dir() {
             return;
         }
+        let Ok(_starting) = self.starting() else { return };
         if let (Ok(_controller), Ok(_learner)) =
             (self.try_lock(Role::Controller), self.try_lock(Role::Learner))
         {
@@ -152,15 +157,18 @@ impl Cell {
         Ok(())
     }
 
+    /// Waits for its turn among all processes that start or end in a cell of this user. The lock
+    /// lies beside the cells, because a cell's own folder may be removed by whoever holds it.
+    fn starting(&self) -> Result<CellLock, CellError> {
+        let path = self.dir.with_file_name(STARTING);
+        let file = open_lock(&path)?;
+        flock(&file, FlockOperation::LockExclusive)
+            .map_err(|error| CellError::Io { path, source: error.into() })?;
+        Ok(CellLock { _file: file })
+    }
+
     fn try_lock(&self, role: Role) -> Result<CellLock, CellError> {
-        let path = self.dir.join(format!("{}.lock", role.name()));
-        let file = OpenOptions::new()
-            .write(true)
-            .create(true)
-            .truncate(false)
-            .mode(0o600)
-            .open(&path)
-            .map_err(|source| CellError::Io { path, source })?;
+        let file = open_lock(&self.dir.join(format!("{}.lock", role.name())))?;
         flock(&file, FlockOperation::NonBlockingLockExclusive)
             .map_err(|_| CellError::Busy { cell: self.name.clone(), role: role.name() })?;
         Ok(CellLock { _file: file })
@@ -178,6 +186,16 @@ impl Cell {
             }
         }
     }
+}
+
+fn open_lock(path: &Path) -> Result<File, CellError> {
+    OpenOptions::new()
+        .write(true)
+        .create(true)
+        .truncate(false)
+        .mode(0o600)
+        .open(path)
+        .map_err(|source| CellError::Io { path: path.to_path_buf(), source })
 }
 
 fn uid() -> u32 {
@@ -202,6 +220,21 @@ mod tests {
     fn refuses_names_that_would_escape_the_runtime_directory() {
         for name in ["", "../x", "a/b", "Upper", "with space", &"x".repeat(25)] {
             assert!(matches!(Cell::new(name), Err(CellError::Name(_))), "{name}");
+        }
+    }
+
+    #[test]
+    fn roles_that_start_together_do_not_refuse_each_other() {
+        for round in 0..50 {
+            let cell = Cell::new(&format!("both-{}-{round}", std::process::id())).unwrap();
+            std::thread::scope(|scope| {
+                let cell = &cell;
+                let roles = [Role::Controller, Role::Learner];
+                let locks = roles.map(|role| scope.spawn(move || cell.lock(role)));
+                let locks = locks.map(|lock| lock.join().unwrap().unwrap());
+                drop(locks);
+            });
+            cell.remove_if_idle();
         }
     }
 

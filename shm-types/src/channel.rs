@@ -39,7 +39,7 @@ pub enum ChannelError {
     )]
     Node { cell: String, reason: String },
     #[error(
-        "channel {service}: {action} failed ({reason}); controller, learner and tool must be of one build: restart them together"
+        "channel {service}: {action} failed ({reason}); check the free space of /dev/shm, and that controller, learner and tool are of one build"
     )]
     Service { service: &'static str, action: &'static str, reason: String },
     #[error(

@@ -12,8 +12,8 @@ use learner::store::Store;
 use learner::summary::Summary as Achievement;
 use serde_json::json;
 use shm_types::cell::Cell;
-use shm_types::ports::ToolPorts;
 use shm_types::command::{COMMAND_STATUS, Reply};
+use shm_types::ports::ToolPorts;
 
 use crate::Verdict;
 use crate::children::Service;
@@ -202,12 +202,7 @@ struct Summary {
     status: Option<Reply>,
 }
 
-fn summary(
-    folder: &SessionFolder,
-    config: &Config,
-    run: &Run,
-    wall: Duration,
-) -> Result<Summary> {
+fn summary(folder: &SessionFolder, config: &Config, run: &Run, wall: Duration) -> Result<Summary> {
     let trials = Store::open(&folder.database())?.trials()?;
     let result = Achievement::of(&trials);
     Ok(Summary {
@@ -276,10 +271,12 @@ impl Summary {
         for (name, value) in self.notes().iter().skip(1) {
             text += &format!("{name}: {value}\n");
         }
-        text += &format!("session  {}\nreport   {}\n", self.folder.dir().display(), report.display());
+        text +=
+            &format!("session  {}\nreport   {}\n", self.folder.dir().display(), report.display());
         if self.interrupted {
             let dir = self.folder.dir().display();
-            text += &format!("stopped early; go on with: skillet learn {} --out {dir}\n", self.task);
+            text +=
+                &format!("stopped early; go on with: skillet learn {} --out {dir}\n", self.task);
         }
         text
     }

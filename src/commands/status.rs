@@ -6,8 +6,8 @@ use anyhow::{Result, bail};
 use serde_json::json;
 use shm_types::cell::Cell;
 use shm_types::channel::ChannelError;
-use shm_types::ports::ToolPorts;
 use shm_types::command::{COMMAND_STATUS, Reply};
+use shm_types::ports::ToolPorts;
 
 use crate::Verdict;
 use crate::cli::StatusArgs;

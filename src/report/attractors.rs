@@ -50,8 +50,9 @@ pub fn figure(data: &ReportData) -> Figure {
              the order of their activation; the springs pull the pan towards their weighted mean \
              Σ<sub>i</sub> h<sub>i</sub> μ<sub>i</sub> (dashed), which it need not reach. Each \
              ellipse joins the displacements of equal spring energy: wide where the spring is \
-             compliant, and a circle of {:.0}&#8239;mm radius for {REFERENCE_STIFFNESS:.0}&#8239;s⁻² \
-             in every direction. Grey: the initial policy.{missing}",
+             compliant, and a circle of {:.0}&#8239;mm radius where it has \
+             {REFERENCE_STIFFNESS:.0}&#8239;s⁻² in every direction. Grey: the initial \
+             policy.{missing}",
             REFERENCE_RADIUS_M * 1e3
         ),
         rows,
@@ -117,7 +118,7 @@ fn attractor_path(policy: &PolicyMsg) -> Vec<(f64, f64)> {
         .collect()
 }
 
-/// Both axes with a margin, the shorter one widened to a third of the longer; and the area, px,
+/// Both axes with a margin, the shorter one widened towards the longer; and the area, px,
 /// that gives them the same scale.
 fn equal_scale(x: Axis, z: Axis) -> (Axis, Axis, (f64, f64)) {
     let longer = (x.max - x.min).max(z.max - z.min).max(0.05);
@@ -188,8 +189,8 @@ mod tests {
         let svg = figure(&data).svg().expect("there is a policy");
         let n = data.learnt.components().len();
         assert_eq!(svg.matches("class=\"ellipse").count(), n);
+        assert_eq!(svg.matches("text halo\"").count(), n);
         for i in 1..=n {
-            assert_eq!(svg.matches(&format!("text halo\"")).count(), n);
             assert!(svg.contains(&format!(">{i}</text>")), "number {i}");
         }
     }

@@ -151,7 +151,7 @@ mod tests {
         data.trials[2].reward = f64::NAN;
         data.trials[3].outcome.apex_m = f64::INFINITY;
         data.trials[3].outcome.lateral_m = f64::NAN;
-        data.learnt.components[1].stiffness = [f64::NAN; 21];
+        data.learnt.components[1].stiffness = [f64::NAN; shm_types::PACKED];
         data.learnt.components[2].attractor[0] = f64::INFINITY;
         data.learnt_path[7].pan_position[2] = f32::NAN;
         data.learnt_outcome.release_time_s = f64::NAN;
@@ -164,9 +164,9 @@ mod tests {
         data.task = "<b>pancake".into();
         data.session = "a&b".into();
         data.config_toml = "name = \"</pre><script>\"".into();
-        data.notes = vec![("<i>".into(), "\"x\"".into())];
+        data.notes = vec![("<u>".into(), "\"x\"".into())];
         let page = render(&data);
-        for raw in ["<b>pancake", "a&b", "<script>", "<i>"] {
+        for raw in ["<b>pancake", "a&b", "<script>", "<u>"] {
             assert!(!page.contains(raw), "{raw}");
         }
         assert!(page.contains("&lt;/pre&gt;&lt;script&gt;"));

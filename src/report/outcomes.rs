@@ -18,7 +18,7 @@ const MISS_MAX_M: f64 = 0.4;
 struct Quantity {
     axis: Axis,
     value: fn(&OutcomeMsg) -> Option<f64>,
-    reference: Option<(f64, &'static str)>,
+    reference: Option<f64>,
 }
 
 pub fn figure(data: &ReportData) -> Figure {
@@ -32,9 +32,9 @@ pub fn figure(data: &ReportData) -> Figure {
         stem: "outcomes",
         title: "Outcomes over the rollouts",
         caption: format!(
-            "Filled points: caught flips. A short stroke on the axis marks a rollout whose pancake \
-             never crossed the height at which angle and miss are measured; a miss beyond \
-             {:.0}&#8239;cm is drawn there.",
+            "Filled points: caught flips; dotted lines: half a turn, and the edge of the pan. A \
+             short stroke on the axis marks a rollout whose pancake never crossed the height at \
+             which angle and miss are measured; a miss beyond {:.0}&#8239;cm is drawn there.",
             MISS_MAX_M * 100.0
         ),
         rows,
@@ -47,7 +47,7 @@ fn quantities(trials: &[TrialRow]) -> [Quantity; 3] {
         Quantity {
             axis: Axis { label: "flip angle at the crossing, °", min: 0.0, max: 200.0 },
             value: |outcome| crossed(outcome).then(|| outcome.flip_angle_rad.to_degrees()),
-            reference: Some((180.0, "half a turn")),
+            reference: Some(180.0),
         },
         Quantity {
             axis: Axis::rounded("apex above the start, m", apexes.chain([0.0])),
@@ -57,7 +57,7 @@ fn quantities(trials: &[TrialRow]) -> [Quantity; 3] {
         Quantity {
             axis: Axis { label: "lateral miss at the crossing, cm", min: 0.0, max: 41.0 },
             value: |outcome| crossed(outcome).then(|| outcome.lateral_m.min(MISS_MAX_M) * 100.0),
-            reference: Some((PAN_RADIUS_M * 100.0, "edge of the pan")),
+            reference: Some(PAN_RADIUS_M * 100.0),
         },
     ]
 }
@@ -68,12 +68,11 @@ fn crossed(outcome: &OutcomeMsg) -> bool {
 }
 
 fn draw(trials: &[TrialRow], quantity: &Quantity) -> Panel {
-    let last = trials.iter().map(|trial| trial.rollout as f64).fold(1.0, f64::max);
-    let x = Axis { label: "rollout", min: 0.0, max: last + 0.02 * last.max(20.0) };
+    let x = Axis::rollouts(trials.iter().map(|trial| trial.rollout));
     let alt = format!("{} over {} rollouts", quantity.axis.label, trials.len());
     let mut plot = Plot::new((THIRD, 230.0), &alt, x, quantity.axis, &[]);
-    if let Some((level, name)) = quantity.reference {
-        plot.reference(level, name);
+    if let Some(level) = quantity.reference {
+        plot.reference(level);
     }
     // Successes last, so that they lie on top.
     for success in [false, true] {
@@ -96,6 +95,8 @@ mod tests {
     #[test]
     fn marks_rollouts_without_a_crossing_instead_of_drawing_zero() {
         let mut trials = sample::session(5).trials;
+        let measured = OutcomeMsg { crossing_time_s: 1.2, lateral_m: 0.1, ..OutcomeMsg::ZERO };
+        trials.iter_mut().for_each(|trial| trial.outcome = measured);
         trials[3].outcome = OutcomeMsg::ZERO;
         let [angle, apex, miss] = quantities(&trials).map(|quantity| draw(&trials, &quantity));
         for panel in [angle, miss] {

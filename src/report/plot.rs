@@ -19,6 +19,12 @@ pub struct Axis {
 }
 
 impl Axis {
+    /// From rollout 0 to a little beyond the last.
+    pub fn rollouts(rollouts: impl IntoIterator<Item = u64>) -> Axis {
+        let last = rollouts.into_iter().max().unwrap_or(0).max(10) as f64;
+        Axis { label: "rollout", min: 0.0, max: 1.015 * last }
+    }
+
     /// The range of the finite `values`.
     pub fn exactly(label: &'static str, values: impl IntoIterator<Item = f64>) -> Axis {
         let finite = values.into_iter().filter(|value| value.abs() < 1e9);
@@ -178,8 +184,8 @@ impl Plot {
         self.panel.line((at, bottom - 7.0), (at, bottom), "absent");
     }
 
-    /// A vertical line, if `x` lies on the axis, and its name in a line of text counted from the
-    /// top.
+    /// A vertical line, if `x` lies on the axis, and its name, which may be empty, in a line of
+    /// text counted from the top.
     pub fn event(&mut self, x: f64, line: usize, name: &str) {
         if !(self.x.from.0..=self.x.from.1).contains(&x) {
             return;
@@ -189,14 +195,15 @@ impl Plot {
         let fits = at + 5.0 + CHARACTER * name.chars().count() as f64 <= self.x.to.1;
         let (shift, anchor) = if fits { (5.0, Anchor::Start) } else { (-5.0, Anchor::End) };
         let position = (at + shift, top + 11.0 + ROW * line as f64);
-        self.panel.text(position, anchor, "tick halo", name);
+        if !name.is_empty() {
+            self.panel.text(position, anchor, "tick halo", name);
+        }
     }
 
-    /// A named horizontal line.
-    pub fn reference(&mut self, y: f64, name: &str) {
-        let (at, right) = (self.y.at(y), self.x.to.1);
-        self.panel.line((self.x.to.0, at), (right, at), "event");
-        self.panel.text((right, at - 5.0), Anchor::End, "tick halo", name);
+    /// A horizontal line to compare with.
+    pub fn reference(&mut self, y: f64) {
+        let at = self.y.at(y);
+        self.panel.line((self.x.to.0, at), (self.x.to.1, at), "event");
     }
 
     /// Everything `draw` adds is cut off at the axes.
@@ -236,9 +243,12 @@ mod tests {
         let axis = Axis { label: "", min: -0.07, max: 1.43 };
         assert_eq!(axis.ticks(5.0).1, 1);
         let texts: Vec<_> = axis.ticks(5.0).0.iter().map(|tick| fixed(*tick, 1)).collect();
-        assert_eq!(texts, ["0.0", "0.5", "1.0"]);
+        assert_eq!(texts, ["0.0", "0.2", "0.4", "0.6", "0.8", "1.0", "1.2", "1.4"]);
         let rounded = Axis::rounded("", [-0.07, 1.43]);
-        assert_eq!((rounded.min, rounded.max), (-0.5, 1.5));
+        assert_eq!(
+            [rounded.min, rounded.max].map(|value| fixed(value, 6)),
+            ["−0.200000", "1.600000"]
+        );
     }
 
     #[test]

@@ -33,9 +33,9 @@ pub fn figure(data: &ReportData) -> Figure {
 
 fn draw(trials: &[TrialRow], width: f64) -> Panel {
     let rollouts = || trials.iter().map(|trial| trial.rollout as f64);
-    let last = rollouts().fold(1.0, f64::max);
-    let x = Axis { label: "rollout", min: 0.0, max: last + 0.01 * last.max(20.0) };
-    let y = Axis::rounded("reward", trials.iter().map(|trial| trial.reward).chain([0.0]));
+    let x = Axis::rollouts(trials.iter().map(|trial| trial.rollout));
+    // Some room at the top, for the name of the first success.
+    let y = Axis::rounded("reward", trials.iter().map(|trial| 1.1 * trial.reward).chain([0.0]));
     let successes = trials.iter().filter(|trial| trial.success).count();
     let alt = format!("Reward of {} rollouts, {successes} with a caught flip", trials.len());
     let mut plot = Plot::new((width, 300.0), &alt, x, y, &LEGEND);

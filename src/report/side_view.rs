@@ -31,8 +31,8 @@ pub struct View {
 }
 
 impl View {
-    /// Shows the whole path at `width` px, but at most a human reach around its start: a pancake
-    /// thrown away must not shrink the rest to nothing.
+    /// Shows the whole path at `width` px, within limits around its start: a pancake thrown away
+    /// must not shrink the rest to nothing.
     pub fn of(path: &[PathRow], width: f64) -> View {
         let start = path.first().map_or([0.0; 3], |row| row.pan_position.map(f64::from));
         let mut x = (start[0] - 0.20, start[0] + 0.18);

@@ -74,7 +74,9 @@ fn draw(data: &ReportData, c: usize, size: (f64, f64), legend: &[Entry]) -> Pane
     let (initial, learnt) = (profile(&data.initial, c), profile(&data.learnt, c));
     let both = || initial.iter().chain(&learnt);
     let x = Axis::exactly("time, s", both().map(|point| point.0));
-    let y = Axis::rounded(LABELS[c], both().map(|point| point.1).chain([0.0]));
+    // Room at the top, for numbers and names.
+    let room = if c == Z { 1.25 } else { 1.05 };
+    let y = Axis::rounded(LABELS[c], both().map(|point| room * point.1).chain([0.0]));
     let alt = format!("{} of the learnt and the initial policy over time", LABELS[c]);
     let mut plot = Plot::new(size, &alt, x, y, legend);
     let names = if c == Z { ["release", "crossing"] } else { ["", ""] };

@@ -36,19 +36,15 @@ pub fn figure(data: &ReportData) -> Figure {
         let frames = moments.map(|(i, moment)| draw(&path, &view, moment, i == 0)).collect();
         Ok(vec![Row::Frames(frames)])
     };
-    let flight = if outcome.crossing_time_s > 0.0 {
-        ""
-    } else {
-        " The pancake never flew above Δ<sub>h</sub> and fell back."
-    };
+    let flight = if outcome.crossing_time_s > 0.0 { "" } else { " In this rollout it never did." };
     Figure {
         stem: "flip",
         title: "The flip",
         caption: format!(
-            "Rollout {} from the side, the robot at the left; all frames to the same scale, heights \
-             in m. The pancake's original top is light and carries its normal V; its path is dotted, \
-             and drawn through as far as it has flown. Crossing: it falls back to Δ<sub>h</sub> \
-             above the pan.{flight}",
+            "Rollout {} from the side, the robot at the left; all frames to the same scale, \
+             heights in m. The pancake's original top is light and carries its normal V; its path \
+             is dotted, and solid as far as it has come. Crossing: it falls back to \
+             Δ<sub>h</sub> above the pan.{flight}",
             data.learnt_rollout
         ),
         rows,

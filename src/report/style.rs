@@ -80,7 +80,7 @@ svg svg{overflow:hidden}
 .frames{grid-template-columns:repeat(auto-fill,minmax(108px,1fr));gap:14px 8px}
 .thirds{grid-template-columns:repeat(auto-fit,minmax(min(100%,300px),1fr))}
 .narrow{display:none}
-@media (max-width:720px){.narrow{display:block}.wide{display:none}}
+@media (max-width:860px){.narrow{display:block}.wide{display:none}}
 @media (min-width:821px){.beside{display:grid;grid-template-columns:auto minmax(260px,1fr);
 gap:40px;align-items:center}.beside .row{width:500px}}
 .tables{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,330px),1fr));gap:8px 40px;

@@ -35,6 +35,11 @@ pub enum StoreError {
     ReadOnly { path: PathBuf },
     #[error("no space left for {path}: free some and resume; nothing stored so far is lost")]
     DiskFull { path: PathBuf },
+    #[error(
+        "{path} could not be read or written ({detail}): check the disk, its free space and \
+         `ulimit -f`, then resume; nothing stored so far is lost"
+    )]
+    Disk { path: PathBuf, detail: String },
     #[error("{path} is in use by another program: stop the other learner or SQLite tool")]
     Busy { path: PathBuf },
     #[error(
@@ -59,6 +64,9 @@ impl StoreError {
                 StoreError::ReadOnly { path }
             }
             Some(ErrorCode::DiskFull) => StoreError::DiskFull { path },
+            Some(ErrorCode::SystemIoFailure) => {
+                StoreError::Disk { path, detail: source.to_string() }
+            }
             Some(ErrorCode::DatabaseBusy | ErrorCode::DatabaseLocked) => StoreError::Busy { path },
             Some(ErrorCode::CannotOpen) => StoreError::CannotOpen { path },
             _ => StoreError::Sql { path, source },

@@ -38,11 +38,27 @@ pub struct Store {
 }
 
 impl Store {
-    /// Creates the file with its identity and the initial policy; never overwrites one.
+    /// Creates the file with its identity and the initial policy; never overwrites one. The file
+    /// appears under its name only when it is complete: a crash leaves no half session behind.
     pub fn create(path: &Path, meta: SessionMeta, initial: &PolicyMsg) -> Result<Self, StoreError> {
         if path.exists() {
             return Err(StoreError::Exists { path: path.into() });
         }
+        let draft = path.with_extension("db.new");
+        for leftover in [&draft, &path.with_extension("db.new-wal")] {
+            // Absent, as a rule; what cannot be removed is reported when it is opened.
+            let _ = std::fs::remove_file(leftover);
+        }
+        drop(Store::create_draft(&draft, meta, initial)?);
+        std::fs::rename(&draft, path).map_err(|_| StoreError::CannotOpen { path: path.into() })?;
+        Store::open(path)
+    }
+
+    fn create_draft(
+        path: &Path,
+        meta: SessionMeta,
+        initial: &PolicyMsg,
+    ) -> Result<Self, StoreError> {
         let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_CREATE;
         let sql = |error| StoreError::from_sql(path, error);
         let connection = connect(path, flags).map_err(sql)?;

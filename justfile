@@ -1,0 +1,14 @@
+# Short names for what CI and people run; `just --list` shows them.
+
+# Everything CI checks
+check:
+    .ci/run
+
+# The main job
+learn *args:
+    cargo run --release -- learn pancake {{args}}
+
+# Format and lint with fixes
+fix:
+    cargo fmt --all
+    cargo clippy --workspace --all-targets --fix --allow-dirty

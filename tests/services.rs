@@ -1,0 +1,88 @@
+//! Controller and learner as separate services of one cell.
+
+mod util;
+
+use serde_json::Value;
+use util::{Bench, bits, eventually, kill};
+
+const CONTROLLER: [&str; 5] = ["controller", "--cell", "c1", "--pace", "max"];
+
+fn status(bench: &Bench) -> Option<Value> {
+    let output = bench.run(&["status", "--cell", "c1", "--json"]);
+    serde_json::from_slice(&output.stdout).ok().filter(|_| output.status.success())
+}
+
+#[test]
+fn session_survives_the_death_of_each_service() {
+    let bench = Bench::new();
+    let config = bench.write("c.toml", "[learner]\nrollouts = 40\nseed = 3\n");
+    let config = config.to_str().unwrap();
+    let learner = ["learner", "--cell", "c1", "--session", "s"];
+
+    // The learner may come first.
+    let first_learner = bench.start(&[&learner[..], &["--config", config]].concat());
+    let first_controller = bench.start(&CONTROLLER);
+    bench.wait_for_trials("s", 5);
+    kill(first_controller.pid(), "KILL");
+    first_controller.wait();
+    let _second_controller = bench.start(&CONTROLLER);
+    bench.wait_for_trials("s", 12);
+    kill(first_learner.pid(), "KILL");
+    first_learner.wait();
+    let second_learner = bench.start(&learner);
+    let output = second_learner.wait();
+    assert!(output.status.success(), "{}", util::stderr(&output));
+
+    let arguments = ["learn", "pancake", "--seed", "3", "--rollouts", "40", "--out", "undisturbed"];
+    bench.ok(&arguments);
+    assert_eq!(bits(&bench.trials("s")), bits(&bench.trials("undisturbed")));
+}
+
+#[test]
+fn status_tells_what_a_controller_does_and_that_there_is_none() {
+    let bench = Bench::new();
+    let absent = bench.run(&["status", "--cell", "c1"]);
+    assert_eq!(absent.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&absent.stdout).contains("skillet controller --cell c1"));
+
+    let controller = bench.start(&CONTROLLER);
+    let idle = eventually("status", || status(&bench));
+    assert_eq!((&idle["phase"], &idle["pace"]), (&"idle".into(), &"max".into()));
+    assert_eq!(idle["learner_age_s"], Value::Null);
+
+    let config = bench.write("c.toml", "[learner]\nrollouts = 3\n");
+    let learner = ["learner", "--cell", "c1", "--session", "s", "--config"];
+    bench.ok(&[&learner[..], &[config.to_str().unwrap()]].concat());
+    let done = eventually("acknowledgement", || {
+        status(&bench).filter(|status| status["unacknowledged_episodes"] == 0)
+    });
+    assert_eq!(done["rollouts_done"], 3);
+    assert!(done["learner_age_s"].is_number());
+    assert!(done["applied_tick"].as_u64().unwrap() > 0);
+
+    controller.signal("TERM");
+    assert_eq!(controller.wait().status.code(), Some(0), "SIGTERM is an orderly end");
+}
+
+#[test]
+fn second_controller_in_a_cell_is_refused_and_disturbs_nobody() {
+    let bench = Bench::new();
+    let first = bench.start(&CONTROLLER);
+    eventually("status", || status(&bench));
+    bench.refused(&CONTROLLER, &["cell 'c1' has a controller already", "--cell"]);
+    assert!(status(&bench).is_some(), "the first one goes on");
+    first.signal("INT");
+    assert!(first.wait().status.success());
+}
+
+#[test]
+fn cells_do_not_meet() {
+    let bench = Bench::new();
+    let sessions = ["a", "b"].map(|out| {
+        bench.start(&["learn", "pancake", "--seed", "2", "--rollouts", "8", "--out", out])
+    });
+    for session in sessions {
+        assert!(session.wait().status.success());
+    }
+    assert_eq!(bits(&bench.trials("a")), bits(&bench.trials("b")));
+}

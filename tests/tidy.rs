@@ -1,0 +1,134 @@
+//! What ARCHITECTURE.md promises and a test can enforce: sizes, and which crate knows which.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+const MAX_FILE_LINES: usize = 320;
+const MAX_FUNCTION_LINES: usize = 80;
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn rust_files(dir: &Path, files: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(dir).unwrap().flatten() {
+        let path = entry.path();
+        let name = entry.file_name();
+        if path.is_dir() && name != "target" && !name.to_string_lossy().starts_with('.') {
+            rust_files(&path, files);
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            files.push(path);
+        }
+    }
+}
+
+fn sources() -> Vec<(PathBuf, String)> {
+    let mut files = Vec::new();
+    rust_files(root(), &mut files);
+    assert!(files.len() > 50, "found only {} files", files.len());
+    files.into_iter().map(|path| (path.clone(), fs::read_to_string(path).unwrap())).collect()
+}
+
+#[test]
+fn files_open_with_their_purpose_and_stay_short() {
+    for (path, text) in sources() {
+        let lines = text.lines().count();
+        assert!(lines <= MAX_FILE_LINES, "{}: {lines} lines", path.display());
+        assert!(text.starts_with("//!"), "{}: no purpose on its first line", path.display());
+    }
+}
+
+/// Lines of the longest function: from `fn` to the closing brace at its own indentation, which is
+/// where the formatter puts it.
+fn longest_function(text: &str) -> (usize, String) {
+    let lines: Vec<&str> = text.lines().collect();
+    let indent = |line: &str| line.len() - line.trim_start().len();
+    let mut longest = (0, String::new());
+    for (start, line) in lines.iter().enumerate() {
+        let code = line.trim_start();
+        let is_function = ["fn ", "pub fn ", "pub(crate) fn ", "pub(super) fn ", "const fn "]
+            .iter()
+            .any(|prefix| code.starts_with(prefix));
+        if !is_function || line.trim_end().ends_with(';') || line.contains('}') {
+            continue;
+        }
+        let closing = lines[start..]
+            .iter()
+            .position(|other| other.trim() == "}" && indent(other) == indent(line));
+        if let Some(length) = closing.filter(|length| *length > longest.0) {
+            longest = (length + 1, code.to_string());
+        }
+    }
+    longest
+}
+
+#[test]
+fn functions_stay_short() {
+    for (path, text) in sources() {
+        let (lines, function) = longest_function(&text);
+        assert!(lines <= MAX_FUNCTION_LINES, "{}: {lines} lines: {function}", path.display());
+    }
+}
+
+#[test]
+fn the_function_check_can_fail() {
+    let body = "    let x = 1;\n".repeat(90);
+    let (lines, function) = longest_function(&format!("fn long() {{\n{body}}}\n"));
+    assert_eq!((lines, function.as_str()), (92, "fn long() {"));
+}
+
+/// Dependencies point one way; see ARCHITECTURE.md.
+#[test]
+fn crates_know_only_what_they_may() {
+    let forbidden: [(&str, &[&str]); 4] = [
+        ("shm-types", &["physics", "rt-controller", "learner", "nalgebra", "rapier3d"]),
+        ("physics", &["shm-types", "rt-controller", "learner", "iceoryx2"]),
+        ("learner", &["physics", "rt-controller", "rapier3d"]),
+        ("rt-controller", &["learner", "rapier3d", "rusqlite"]),
+    ];
+    for (name, others) in forbidden {
+        let manifest = fs::read_to_string(root().join(name).join("Cargo.toml")).unwrap();
+        let dependencies = manifest.split("[dev-dependencies]").next().unwrap();
+        for other in others {
+            let names = |line: &str| line.split(['.', ' ', '=']).next() == Some(other);
+            assert!(!dependencies.lines().any(names), "{name} must not know {other}");
+        }
+    }
+}
+
+#[test]
+fn the_arm_knows_no_simulator_and_the_hot_path_no_ports() {
+    let users_of = |word: &str| -> Vec<String> {
+        let relative = |path: PathBuf| path.strip_prefix(root()).unwrap().display().to_string();
+        let names = |(_, text): &(PathBuf, String)| text.lines().any(|l| l.contains(word));
+        sources().into_iter().filter(names).map(|(path, _)| relative(path)).collect()
+    };
+    for file in users_of("rapier") {
+        assert!(!file.starts_with("physics/src/arm/"), "{file} names Rapier");
+    }
+    let hot = ["tick.rs", "policy.rs", "rollout.rs", "wrench.rs", "limits.rs", "task.rs"];
+    for word in ["iceoryx2", "shm_types::ports", "shm_types::channel", "tracing::", "Box<", "Vec<"]
+    {
+        for file in users_of(word) {
+            let hot_file = hot.iter().any(|hot| file == format!("rt-controller/src/{hot}"));
+            assert!(!hot_file, "{file} is on the hot path and names {word}");
+        }
+    }
+}
+
+#[test]
+fn unsafe_code_stays_where_it_is_declared() {
+    // The derive of zero-copy messages, sched_setscheduler, and the counting allocator of a test.
+    let allowed = [
+        "shm-types/src/lib.rs",
+        "rt-controller/src/rt/thread.rs",
+        "rt-controller/tests/hot_path.rs",
+    ];
+    let marker = concat!("allow(", "unsafe_code)");
+    for (path, text) in sources() {
+        let file = path.strip_prefix(root()).unwrap().display().to_string();
+        if text.contains(marker) {
+            assert!(allowed.contains(&file.as_str()), "{file} allows unsafe code");
+        }
+    }
+}

@@ -1,0 +1,179 @@
+//! Drives the real executable, and reads what it wrote.
+#![allow(dead_code)] // each test file uses its own part
+
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use learner::store::{Store, TrialRecord};
+use tempfile::TempDir;
+
+/// How long anything may take before the test gives up on it.
+pub const WATCHDOG: Duration = Duration::from_secs(90);
+
+/// A folder of its own for each test, with its own cells.
+pub struct Bench {
+    dir: TempDir,
+}
+
+impl Bench {
+    pub fn new() -> Bench {
+        Bench { dir: tempfile::Builder::new().prefix("sk").tempdir().unwrap() }
+    }
+
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.dir.path().join(name)
+    }
+
+    pub fn write(&self, name: &str, text: &str) -> PathBuf {
+        let path = self.path(name);
+        std::fs::write(&path, text).unwrap();
+        path
+    }
+
+    /// `skillet <arguments>`, not yet started.
+    pub fn skillet(&self, arguments: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_skillet"));
+        command
+            .args(arguments)
+            .current_dir(self.dir.path())
+            .env("SKILLET_RUNTIME_DIR", self.path("run"))
+            .env_remove("RUST_LOG")
+            .stdin(Stdio::null());
+        command
+    }
+
+    pub fn run(&self, arguments: &[&str]) -> Output {
+        self.skillet(arguments).output().unwrap()
+    }
+
+    /// Runs and expects exit code 0; returns standard output.
+    pub fn ok(&self, arguments: &[&str]) -> String {
+        let output = self.run(arguments);
+        assert_eq!(output.status.code(), Some(0), "{arguments:?}: {}", stderr(&output));
+        String::from_utf8(output.stdout).unwrap()
+    }
+
+    /// Runs and expects exit code 2 with every one of `words` in the message.
+    pub fn refused(&self, arguments: &[&str], words: &[&str]) {
+        let output = self.run(arguments);
+        let message = stderr(&output);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?} gave: {message}");
+        for word in words {
+            assert!(message.contains(word), "{arguments:?}: no '{word}' in: {message}");
+        }
+        assert!(!message.contains("panicked"), "{message}");
+    }
+
+    /// Starts a process whose output is read later.
+    pub fn start(&self, arguments: &[&str]) -> Running {
+        let mut command = self.skillet(arguments);
+        command.stdout(Stdio::piped()).stderr(Stdio::piped());
+        Running { child: Some(command.spawn().unwrap()) }
+    }
+
+    pub fn trials(&self, session: &str) -> Vec<TrialRecord> {
+        Store::open(&self.path(session).join("session.db")).unwrap().trials().unwrap()
+    }
+
+    /// Waits until the session holds at least `n` trials.
+    pub fn wait_for_trials(&self, session: &str, n: usize) {
+        let database = self.path(session).join("session.db");
+        eventually(&format!("{n} trials"), || {
+            let count = Store::open(&database).and_then(|store| store.trial_count()).unwrap_or(0);
+            (count >= n as u64).then_some(())
+        });
+    }
+}
+
+pub fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+pub fn eventually<T>(what: &str, mut f: impl FnMut() -> Option<T>) -> T {
+    let start = Instant::now();
+    while start.elapsed() < WATCHDOG {
+        if let Some(value) = f() {
+            return value;
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    panic!("{what}: not within {WATCHDOG:?}");
+}
+
+/// A process that does not outlive its test.
+pub struct Running {
+    child: Option<Child>,
+}
+
+impl Running {
+    pub fn pid(&self) -> u32 {
+        self.child.as_ref().unwrap().id()
+    }
+
+    pub fn signal(&self, signal: &str) {
+        kill(self.pid(), signal);
+    }
+
+    pub fn wait(mut self) -> Output {
+        let mut child = self.child.take().unwrap();
+        let start = Instant::now();
+        while child.try_wait().unwrap().is_none() {
+            if start.elapsed() > WATCHDOG {
+                child.kill().unwrap();
+                let output = child.wait_with_output().unwrap();
+                panic!("the process does not end; it said: {}", stderr(&output));
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        child.wait_with_output().unwrap()
+    }
+
+    /// The child process that plays `role`.
+    pub fn child(&self, role: &str) -> u32 {
+        let pid = self.pid();
+        eventually(role, || {
+            let tasks = format!("/proc/{pid}/task/{pid}/children");
+            let children = std::fs::read_to_string(tasks).ok()?;
+            children.split_whitespace().filter_map(|pid| pid.parse().ok()).find(|child| {
+                let line = std::fs::read(format!("/proc/{child}/cmdline")).unwrap_or_default();
+                line.split(|byte| *byte == 0).nth(1) == Some(role.as_bytes())
+            })
+        })
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        if let Some(child) = &mut self.child {
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+    }
+}
+
+pub fn kill(pid: u32, signal: &str) {
+    let status = Command::new("kill").args([&format!("-{signal}"), &pid.to_string()]).status();
+    assert!(status.unwrap().success());
+}
+
+pub fn is_alive(pid: u32) -> bool {
+    // A zombie has no command line.
+    std::fs::read(format!("/proc/{pid}/cmdline")).is_ok_and(|line| !line.is_empty())
+}
+
+/// Everything of a trial that must not depend on pace, interruption or time of day, as bits:
+/// rollout, flags, records, reward, outcome, θ.
+pub fn bits(trials: &[TrialRecord]) -> Vec<Vec<u64>> {
+    let key = |trial: &TrialRecord| {
+        let outcome = trial.outcome.fields().map(|(_, x)| x);
+        let numbers = [trial.reward].into_iter().chain(outcome).chain(trial.theta.iter().copied());
+        let counts = [trial.rollout, trial.outcome.flags, trial.n_records];
+        counts.into_iter().chain(numbers.map(f64::to_bits)).collect()
+    };
+    trials.iter().map(key).collect()
+}
+
+pub fn text(path: &Path) -> String {
+    std::fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
+}
