@@ -15,6 +15,8 @@ use iceoryx2::prelude::{Config, FileName, Path as IpcPath, SemanticString};
 use rustix::fs::{FlockOperation, flock};
 use thiserror::Error;
 
+use crate::Digest;
+
 /// Where iceoryx2 keeps shared-memory files on Linux.
 const SHM_DIR: &str = "/dev/shm";
 /// iceoryx2 puts sockets below its root, whose paths end at 108 bytes.
@@ -74,11 +76,16 @@ pub struct CellLock {
 impl Cell {
     /// Checks the name; touches nothing yet.
     pub fn new(name: &str) -> Result<Cell, CellError> {
+        Cell::in_dir(&runtime_dir(), name)
+    }
+
+    /// A cell elsewhere than in this process's runtime directory.
+    pub fn in_dir(runtime_dir: &Path, name: &str) -> Result<Cell, CellError> {
         let allowed = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
         if name.is_empty() || name.len() > MAX_NAME_LEN || !name.chars().all(allowed) {
             return Err(CellError::Name(name.to_string()));
         }
-        let dir = runtime_dir().join(name);
+        let dir = runtime_dir.join(name);
         let len = dir.as_os_str().len();
         if len > MAX_ROOT_LEN {
             return Err(CellError::TooLong { path: dir, len });
@@ -105,6 +112,18 @@ impl Cell {
             self.wipe();
         }
         Ok(lock)
+    }
+
+    /// Removes what dead processes left of the cells whose name begins with `prefix`.
+    pub fn remove_idle(runtime_dir: &Path, prefix: &str) {
+        let Ok(entries) = fs::read_dir(runtime_dir) else { return };
+        for entry in entries.flatten() {
+            if let Some(name) = entry.file_name().to_str().filter(|name| name.starts_with(prefix))
+                && let Ok(cell) = Cell::in_dir(runtime_dir, name)
+            {
+                cell.remove_if_idle();
+            }
+        }
     }
 
     /// Removes everything the cell shares, unless somebody uses it.
@@ -139,8 +158,11 @@ impl Cell {
         self.dir.join("ipc")
     }
 
+    /// /dev/shm is one folder for all: the prefix tells cells of one name in different runtime
+    /// directories apart, or one would wipe the other.
     fn shm_prefix(&self) -> String {
-        format!("sk{}_{}_", uid(), self.name)
+        let place = Digest::new().bytes(self.dir.as_os_str().as_encoded_bytes()).finish();
+        format!("sk{place:016x}_{}_", self.name)
     }
 
     fn create_dir(&self) -> Result<(), CellError> {
@@ -202,7 +224,8 @@ fn uid() -> u32 {
     rustix::process::getuid().as_raw()
 }
 
-fn runtime_dir() -> PathBuf {
+/// Where the cells of this process live.
+pub fn runtime_dir() -> PathBuf {
     if let Some(dir) = std::env::var_os("SKILLET_RUNTIME_DIR") {
         return PathBuf::from(dir);
     }

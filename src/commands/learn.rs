@@ -11,7 +11,7 @@ use anyhow::{Context, Result, bail};
 use learner::store::Store;
 use learner::summary::Summary as Achievement;
 use serde_json::json;
-use shm_types::cell::Cell;
+use shm_types::cell::{Cell, runtime_dir};
 use shm_types::command::{COMMAND_STATUS, Reply};
 use shm_types::ports::ToolPorts;
 
@@ -23,13 +23,15 @@ use crate::progress::{Progress, TrialLine};
 use crate::session_folder::SessionFolder;
 use crate::{commands, setup};
 
+const PRIVATE_CELL: &str = "learn-";
 const WATCH: Duration = Duration::from_millis(50);
 
 pub fn run(args: &LearnArgs) -> Result<Verdict> {
     let (folder, config) = prepare(args)?;
     let stop = setup::stop_flag()?;
-    // A cell of its own: sessions on one machine do not meet.
-    let cell = Cell::new(&format!("learn-{}", std::process::id()))?;
+    // A cell of its own: sessions on one machine do not meet. One that was killed left its own.
+    Cell::remove_idle(&runtime_dir(), PRIVATE_CELL);
+    let cell = Cell::new(&format!("{PRIVATE_CELL}{}", std::process::id()))?;
     let start = Instant::now();
     let result = run_services(args, &folder, &config, &cell, &stop);
     cell.remove_if_idle();

@@ -6,6 +6,7 @@ use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 use learner::store::{Store, TrialRecord};
+use shm_types::cell::Cell;
 use tempfile::TempDir;
 
 /// How long anything may take before the test gives up on it.
@@ -83,6 +84,13 @@ impl Bench {
             let count = Store::open(&database).and_then(|store| store.trial_count()).unwrap_or(0);
             (count >= n as u64).then_some(())
         });
+    }
+}
+
+impl Drop for Bench {
+    /// Killed processes leave shared memory; nobody else would come to clear it.
+    fn drop(&mut self) {
+        Cell::remove_idle(&self.path("run"), "");
     }
 }
 
