@@ -4,22 +4,21 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use physics::arm::ArmModel;
-use physics::outcome::Outcome;
 use rtrb::{Consumer, Producer};
 use shm_types::SCHEMA;
+use shm_types::channel::EpisodeLoan;
 use shm_types::command::{COMMAND_STOP, Command, Reply};
-use shm_types::episode::{
-    EpisodeHeader, OUTCOME_DROPPED, OUTCOME_EXPLOIT, OUTCOME_SUCCESS, OUTCOME_TOSSED, OutcomeMsg,
-};
+use shm_types::episode::EpisodeHeader;
 use shm_types::policy::PolicyMsg;
 use shm_types::ports::ControllerPorts;
-use shm_types::telemetry::{Heartbeat, TELEMETRY_TICKS, Telemetry, TelemetryTick};
+use shm_types::telemetry::{Heartbeat, TelemetryTick};
 
 use crate::admission::{admit, records_needed};
 use crate::config::{ControllerConfig, Pace};
+use crate::loop_report::LoopReport;
+use crate::outcome_message::outcome_message;
 use crate::run::{Done, Job, RunSummary};
 use crate::tick::Fault;
-use crate::timing::LoopStats;
 
 const POLL: Duration = Duration::from_micros(200);
 const BEAT: Duration = Duration::from_millis(100);
@@ -58,17 +57,13 @@ pub(crate) struct Exchange<'a> {
     setup: Setup<'a>,
     jobs: Producer<Job>,
     done: Consumer<Done>,
-    telemetry: Consumer<TelemetryTick>,
-    stats: LoopStats,
-    batch: Telemetry,
-    batched: usize,
+    report: LoopReport,
     boot_id: u64,
     /// Received, not yet handed to the loop.
     pending: Option<PolicyMsg>,
     in_flight: Option<Request>,
     last: Request,
     applied_tick: u64,
-    last_tick: TelemetryTick,
     rollouts: u64,
     refused: u64,
     durable: (u64, u64),
@@ -84,22 +79,17 @@ impl<'a> Exchange<'a> {
         done: Consumer<Done>,
         telemetry: Consumer<TelemetryTick>,
     ) -> Exchange<'a> {
-        let zero = TelemetryTick::ZERO;
         Exchange {
             ports,
             setup,
             jobs,
             done,
-            telemetry,
-            stats: LoopStats::new(),
-            batch: Telemetry { schema: SCHEMA, lost: 0, ticks: [zero; TELEMETRY_TICKS] },
-            batched: 0,
+            report: LoopReport::new(telemetry),
             boot_id: boot_id(),
             pending: None,
             in_flight: None,
             last: Request::default(),
             applied_tick: 0,
-            last_tick: zero,
             rollouts: 0,
             refused: 0,
             durable: (0, 0),
@@ -113,7 +103,7 @@ impl<'a> Exchange<'a> {
         let mut next_beat = Instant::now();
         let mut next_housekeeping = Instant::now() + HOUSEKEEPING;
         while !stop.load(Ordering::Relaxed) && !rt_ended() {
-            self.drain_telemetry();
+            self.report.drain(&self.ports);
             self.send_episodes();
             self.receive_policies();
             self.hand_over();
@@ -134,7 +124,7 @@ impl<'a> Exchange<'a> {
             }
             std::thread::sleep(POLL);
         }
-        self.drain_telemetry();
+        self.report.drain(&self.ports);
         self.summary()
     }
 
@@ -142,26 +132,10 @@ impl<'a> Exchange<'a> {
         RunSummary {
             rollouts: self.rollouts,
             policies_refused: self.refused,
-            ticks: self.stats.ticks,
-            deadline_misses: self.stats.missed,
-            wakeup: self.stats.wakeup(),
-            tick: self.stats.tick(),
-        }
-    }
-
-    fn drain_telemetry(&mut self) {
-        while let Ok(tick) = self.telemetry.pop() {
-            self.stats.add(&tick);
-            self.batch.lost += tick.tick.saturating_sub(self.last_tick.tick + 1);
-            self.last_tick = tick;
-            self.batch.ticks[self.batched] = tick;
-            self.batched += 1;
-            if self.batched == TELEMETRY_TICKS {
-                // Nobody listening is no failure.
-                let _ = self.ports.telemetry.send_copy(self.batch);
-                self.batched = 0;
-                self.batch.lost = 0;
-            }
+            ticks: self.report.stats.ticks,
+            deadline_misses: self.report.stats.missed,
+            wakeup: self.report.stats.wakeup(),
+            tick: self.report.stats.tick(),
         }
     }
 
@@ -200,7 +174,7 @@ impl<'a> Exchange<'a> {
         }
     }
 
-    fn send(&mut self, request: Request, episode: shm_types::channel::EpisodeLoan) {
+    fn send(&mut self, request: Request, episode: EpisodeLoan) {
         self.last = request;
         match episode.send() {
             Ok(0) => tracing::warn!(
@@ -298,7 +272,7 @@ impl<'a> Exchange<'a> {
     }
 
     fn reply(&self, command: &Command, accepted: bool) -> Reply {
-        let (wakeup, tick) = (self.stats.wakeup(), self.stats.tick());
+        let (wakeup, tick) = (self.report.stats.wakeup(), self.report.stats.tick());
         let active = self.in_flight.unwrap_or(self.last);
         let confirmed = if self.durable.0 == self.last.session { self.durable.1 } else { 0 };
         Reply {
@@ -306,9 +280,9 @@ impl<'a> Exchange<'a> {
             id: command.id,
             accepted: u64::from(accepted),
             boot_id: self.boot_id,
-            tick: self.last_tick.tick,
-            phase: u64::from(self.last_tick.phase),
-            fault: u64::from(self.last_tick.fault),
+            tick: self.report.last.tick,
+            phase: u64::from(self.report.last.phase),
+            fault: u64::from(self.report.last.fault),
             period_ns: u64::from(self.setup.config.period_us) * 1000,
             realtime: u64::from(self.setup.pace == Pace::Realtime),
             privileged: u64::from(self.setup.privileged.load(Ordering::Relaxed)),
@@ -322,7 +296,7 @@ impl<'a> Exchange<'a> {
             learner_age_ns: self
                 .learner_seen
                 .map_or(u64::MAX, |(_, seen)| seen.elapsed().as_nanos() as u64),
-            deadline_misses: self.stats.missed,
+            deadline_misses: self.report.stats.missed,
             wakeup_p50_ns: wakeup.p50,
             wakeup_p99_ns: wakeup.p99,
             wakeup_max_ns: wakeup.max,
@@ -337,30 +311,4 @@ impl<'a> Exchange<'a> {
 fn boot_id() -> u64 {
     let clock = rustix::time::clock_gettime(rustix::time::ClockId::Realtime);
     (clock.tv_sec as u64).wrapping_mul(1_000_000_000).wrapping_add(clock.tv_nsec as u64)
-}
-
-fn outcome_message(outcome: &Outcome) -> OutcomeMsg {
-    let mut flags = 0;
-    for (set, flag) in [
-        (outcome.tossed, OUTCOME_TOSSED),
-        (outcome.flipped_and_caught, OUTCOME_SUCCESS),
-        (outcome.dropped, OUTCOME_DROPPED),
-        (outcome.exploit, OUTCOME_EXPLOIT),
-    ] {
-        if set {
-            flags |= flag;
-        }
-    }
-    OutcomeMsg {
-        flags,
-        release_time_s: outcome.release_time_s,
-        release_speed_m_s: outcome.release_speed,
-        release_spin_rad_s: outcome.release_spin,
-        apex_m: outcome.apex_m,
-        crossing_time_s: outcome.crossing_time_s,
-        flip_angle_rad: outcome.flip_angle_rad,
-        distance_m: outcome.distance_m,
-        lateral_m: outcome.lateral_m,
-        final_lateral_m: outcome.final_lateral_m,
-    }
 }

@@ -10,6 +10,8 @@ pub mod admission;
 pub mod config;
 mod exchange;
 pub mod limits;
+mod loop_report;
+mod outcome_message;
 pub mod policy;
 pub mod rollout;
 pub mod rt;

@@ -1,0 +1,51 @@
+//! The documents keep their word: ready configurations are valid, and what they name exists.
+
+mod util;
+
+use std::fs;
+use std::path::Path;
+
+use util::Bench;
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+#[test]
+fn ready_configurations_are_valid() {
+    let bench = Bench::new();
+    let mut found = 0;
+    for entry in fs::read_dir(root().join("config")).unwrap().flatten() {
+        bench.ok(&["config", "--config", entry.path().to_str().unwrap()]);
+        found += 1;
+    }
+    assert!(found >= 3);
+}
+
+#[test]
+fn what_config_prints_is_a_configuration() {
+    let bench = Bench::new();
+    let printed = bench.ok(&["config"]);
+    let path = bench.write("all.toml", &printed);
+    assert_eq!(bench.ok(&["config", "--config", path.to_str().unwrap()]), printed);
+}
+
+/// Every `path/like/this.rs` in a document exists.
+#[test]
+fn files_named_in_documents_exist() {
+    let mut named = 0;
+    for document in ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "docs/paper.md"] {
+        let text = fs::read_to_string(root().join(document)).unwrap();
+        for word in text.split(['`', '(', ')', ' ', ',', ';', '\n']) {
+            let is_path = word.contains('/') && !word.contains(['{', '<', '*', ':']);
+            let is_file = ["rs", "md", "json", "svg", "csv", "toml"]
+                .iter()
+                .any(|extension| word.ends_with(&format!(".{extension}")));
+            if is_path && is_file && !word.starts_with("session") {
+                assert!(root().join(word).exists(), "{document} names {word}");
+                named += 1;
+            }
+        }
+    }
+    assert!(named > 20, "only {named} files named");
+}
