@@ -30,7 +30,11 @@ impl Service {
         stdout: Stdio,
     ) -> Result<Service> {
         let exe = std::env::current_exe().context("finding this executable")?;
-        let file = std::fs::File::create(&log)
+        // A resumed session keeps what its earlier processes said.
+        let file = std::fs::OpenOptions::new()
+            .create(true)
+            .append(true)
+            .open(&log)
             .with_context(|| format!("{}: cannot write the log", log.display()))?;
         let child = Command::new(exe)
             .args(arguments)

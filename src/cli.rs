@@ -113,8 +113,8 @@ pub struct ControllerArgs {
     #[arg(long, value_enum, default_value_t = PaceArg::Realtime)]
     pub pace: PaceArg,
     /// End when the process that started this one ends
-    #[arg(long, hide = true)]
-    pub child: bool,
+    #[arg(long, hide = true, value_name = "PID")]
+    pub child: Option<u32>,
 }
 
 #[derive(Args)]
@@ -132,8 +132,8 @@ pub struct LearnerArgs {
     #[arg(long)]
     pub json: bool,
     /// End when the process that started this one ends
-    #[arg(long, hide = true)]
-    pub child: bool,
+    #[arg(long, hide = true, value_name = "PID")]
+    pub child: Option<u32>,
 }
 
 #[derive(Args)]

@@ -5,10 +5,12 @@ mod cli;
 mod commands;
 mod config;
 mod log;
+mod output;
 mod progress;
 mod report;
 mod session_folder;
 mod setup;
+mod summary;
 
 use std::process::ExitCode;
 

@@ -1,17 +1,19 @@
 //! A session folder: `session.toml`, `session.db`, logs and `report/`; complete in itself.
 
-use std::fs;
+use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
+use rustix::fs::{FlockOperation, flock};
 
-use crate::config::Config;
+use crate::config::{Config, PlantConfig};
 use crate::setup;
 
 const CONFIG: &str = "session.toml";
 const DATABASE: &str = "session.db";
 const DEMONSTRATION: &str = "demonstration.csv";
 const ARM: &str = "arm.urdf";
+const LOCK: &str = "session.lock";
 
 #[derive(Clone, Debug)]
 pub struct SessionFolder {
@@ -26,9 +28,14 @@ impl SessionFolder {
 
     /// The first free `sessions/<task>-<n>`.
     pub fn next_free(task: &str) -> SessionFolder {
-        let free = (1..).map(|n| PathBuf::from(format!("sessions/{task}-{n}")));
-        let dir = free.into_iter().find(|dir| !dir.exists());
-        SessionFolder { dir: dir.unwrap_or_else(|| PathBuf::from("sessions")) }
+        let mut n = 1;
+        loop {
+            let dir = PathBuf::from(format!("sessions/{task}-{n}"));
+            if !dir.exists() {
+                return SessionFolder { dir };
+            }
+            n += 1;
+        }
     }
 
     /// An existing session. The error says what is missing.
@@ -77,24 +84,64 @@ impl SessionFolder {
     /// Writes configuration, demonstration and arm, so that the session needs no other file.
     pub fn write(&self, config: &Config) -> Result<()> {
         fs::create_dir_all(&self.dir).with_context(|| self.cannot("create the session folder"))?;
-        let copy = |given: &Option<PathBuf>, built_in: &str, to: &str| -> Result<()> {
-            let text = match given {
-                Some(path) => fs::read_to_string(path)
-                    .with_context(|| format!("{}: cannot read", path.display()))?,
-                None => built_in.to_string(),
-            };
-            fs::write(self.dir.join(to), text).with_context(|| self.cannot("write"))
-        };
-        // A resumed session reads the copies it is about to write: read before writing.
-        copy(&config.task.demonstration, setup::PANCAKE_DEMONSTRATION, DEMONSTRATION)?;
-        copy(&config.plant.arm, setup::WAM7_URDF, ARM)?;
+        self.put(DEMONSTRATION, &demonstration_text(config)?)?;
+        self.put(ARM, &arm_text(config)?)?;
         let mut own = config.clone();
         own.task.demonstration = Some(DEMONSTRATION.into());
         own.plant.arm = Some(ARM.into());
-        // By a rename: a full disk must not leave half a configuration behind.
-        let draft = self.dir.join(".session.toml.new");
-        fs::write(&draft, own.to_toml()?).with_context(|| self.cannot("write"))?;
-        fs::rename(&draft, self.config_path()).with_context(|| self.cannot("write"))
+        self.put(CONFIG, &own.to_toml()?)
+    }
+
+    /// By a rename: a full disk must not leave half a file behind. What is there already is left
+    /// alone.
+    fn put(&self, name: &str, text: &str) -> Result<()> {
+        let path = self.dir.join(name);
+        if fs::read_to_string(&path).is_ok_and(|there| there == text) {
+            return Ok(());
+        }
+        let draft = self.dir.join(format!(".{name}.new"));
+        fs::write(&draft, text)
+            .and_then(|()| fs::rename(&draft, &path))
+            .with_context(|| self.cannot("write"))
+    }
+
+    /// That the session stored here was made in the world that `config` describes: everything is
+    /// equal but the number of rollouts, the cell's name and the log.
+    pub fn expect_same_world(&self, config: &Config) -> Result<()> {
+        let stored = Config::load(Some(&self.config_path()))
+            .context("written by another version, or edited: use that version or another --out")?;
+        let files = [
+            ("task.demonstration", demonstration_text(config)?, demonstration_text(&stored)?),
+            ("plant.arm", arm_text(config)?, arm_text(&stored)?),
+        ];
+        let changed = files.iter().find(|(_, ours, theirs)| ours != theirs).map(|(name, ..)| *name);
+        let changed = changed.or_else(|| {
+            [
+                ("[task]", config.task.name != stored.task.name),
+                ("[controller]", config.controller != stored.controller),
+                ("[plant]", without_arm(config) != without_arm(&stored)),
+            ]
+            .into_iter()
+            .find_map(|(table, differs)| differs.then_some(table))
+        });
+        match changed {
+            None => Ok(()),
+            Some(what) => bail!(
+                "{}: {what} differs from what this session was started with: resume it without \
+                 --config, or start another one with --out",
+                self.dir.display()
+            ),
+        }
+    }
+
+    /// Held by the learner of this session. Two would spoil it.
+    pub fn lock(&self) -> Result<File> {
+        let path = self.dir.join(LOCK);
+        let file = File::create(&path).with_context(|| self.cannot("write"))?;
+        if flock(&file, FlockOperation::NonBlockingLockExclusive).is_err() {
+            bail!("{}: this session is in use: wait for it, or stop it", self.dir.display());
+        }
+        Ok(file)
     }
 
     fn cannot(&self, what: &str) -> String {
@@ -104,4 +151,24 @@ impl SessionFolder {
             self.dir.display()
         )
     }
+}
+
+fn demonstration_text(config: &Config) -> Result<String> {
+    text_of(config.task.demonstration.as_deref(), setup::PANCAKE_DEMONSTRATION)
+}
+
+fn arm_text(config: &Config) -> Result<String> {
+    text_of(config.plant.arm.as_deref(), setup::WAM7_URDF)
+}
+
+fn text_of(given: Option<&Path>, built_in: &str) -> Result<String> {
+    match given {
+        Some(path) => fs::read_to_string(path)
+            .with_context(|| format!("{}: cannot read; check the path", path.display())),
+        None => Ok(built_in.to_string()),
+    }
+}
+
+fn without_arm(config: &Config) -> PlantConfig {
+    PlantConfig { arm: None, ..config.plant.clone() }
 }

@@ -7,6 +7,7 @@ use anyhow::{Context, Result, bail};
 use learner::Demonstration;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use physics::arm::{ArmModel, JointVector, inverse_kinematics, kinematics};
+use rt_controller::admission::records_needed;
 use shm_types::episode::MAX_RECORDS;
 
 use crate::config::Config;
@@ -18,6 +19,8 @@ pub const PANCAKE_DEMONSTRATION: &str = include_str!("../demos/pancake.csv");
 /// Farthest the demonstration may begin from the pan's start, m and rad.
 const START_TOLERANCE_M: f64 = 0.02;
 const START_TOLERANCE_RAD: f64 = 0.05;
+/// Rotation vectors jump at π; policies keep well away from it.
+const MAX_TURN_RAD: f64 = 1.5;
 /// Every so many points of a demonstration are checked for reach.
 const REACH_STRIDE: usize = 5;
 
@@ -52,6 +55,15 @@ pub fn arm(config: &Config) -> Result<ArmModel> {
             config.plant.tip
         );
     }
+    let turn = kinematics::tip_pose(&model, &q0).rotation.angle();
+    if turn > MAX_TURN_RAD {
+        bail!(
+            "plant.start_posture_rad turns link '{}' by {turn:.2} rad from the world's axes; task \
+             rotations are rotation vectors and must stay below {MAX_TURN_RAD} rad: turn the link \
+             in the URDF",
+            config.plant.tip
+        );
+    }
     Ok(model)
 }
 
@@ -70,12 +82,12 @@ pub fn demonstration(config: &Config) -> Result<Demonstration> {
 
 /// A rollout of the demonstration's length fits into an episode.
 pub fn check_duration(config: &Config, demonstration: &Demonstration) -> Result<()> {
-    let longest = MAX_RECORDS as f64 * config.controller.period_s() - config.controller.settle_s;
     let duration = demonstration.duration_s();
-    if duration >= longest {
+    let records = records_needed(duration, &config.controller);
+    if records > MAX_RECORDS {
         bail!(
-            "{}: lasts {duration:.2} s; an episode holds {longest:.2} s at this \
-             controller.period_us and controller.settle_s: shorten it or change them",
+            "{}: lasts {duration:.2} s; with controller.settle_s that is {records} ticks of \
+             controller.period_us, and an episode holds {MAX_RECORDS}: shorten it or change them",
             demonstration.file()
         );
     }
@@ -134,14 +146,22 @@ fn isometry(pose: &learner::trajectory::Pose) -> Isometry3<f64> {
 pub fn stop_flag() -> Result<Arc<AtomicBool>> {
     let stop = Arc::new(AtomicBool::new(false));
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+        // The second signal ends the process at once; the order of these two lines makes it so.
+        signal_hook::flag::register_conditional_shutdown(signal, 130, stop.clone())
+            .context("installing signal handlers")?;
         signal_hook::flag::register(signal, stop.clone()).context("installing signal handlers")?;
     }
     Ok(stop)
 }
 
-/// Asks the kernel to end this process when its parent ends, however that happens.
-pub fn end_with_parent() -> Result<()> {
+/// Asks the kernel to end this process when its parent, of process id `parent`, ends.
+pub fn end_with_parent(parent: u32) -> Result<()> {
     let signal = rustix::process::Signal::TERM;
     rustix::process::set_parent_process_death_signal(Some(signal))
-        .context("asking to end with the parent process")
+        .context("asking to end with the parent process")?;
+    // It may have ended before the kernel was asked.
+    if std::os::unix::process::parent_id() != parent {
+        bail!("the process {parent} that started this one has ended");
+    }
+    Ok(())
 }

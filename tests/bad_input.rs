@@ -73,7 +73,8 @@ fn demonstration_mistakes_name_file_and_line() {
     }
     let long = demonstration(|i| Some(format!("{},0.78,0.0,0.72,0.0", i as f64 * 0.1)));
     bench.write("demo.csv", &long);
-    bench.refused(&learn_with(config.to_str().unwrap(), "s"), &["lasts 5.90 s", "settle_s"]);
+    bench
+        .refused(&learn_with(config.to_str().unwrap(), "s"), &["lasts 5.90 s", "settle_s", "4000"]);
 }
 
 #[test]
@@ -111,6 +112,10 @@ fn a_session_is_not_continued_as_something_else() {
 
     let other_seed = ["learn", "pancake", "--seed", "2", "--rollouts", "4", "--out", "s"];
     bench.refused(&other_seed, &["seed", "--out"]);
+    let world = bench.write("w.toml", "[plant]\nfriction = 0.3\n[learner]\nseed = 1\n");
+    let other_world =
+        ["learn", "pancake", "--config", world.to_str().unwrap(), "--rollouts", "4", "--out", "s"];
+    bench.refused(&other_world, &["[plant] differs", "--out"]);
     let config = bench.path("s/session.toml");
     let text = util::text(&config);
     let resume = ["learn", "pancake", "--rollouts", "4", "--out", "s"];

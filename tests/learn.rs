@@ -65,6 +65,32 @@ fn ctrl_c_ends_both_children_and_the_session_resumes() {
 }
 
 #[test]
+fn ctrl_c_of_a_terminal_at_any_moment_is_an_orderly_end() {
+    let bench = Bench::new();
+    for (n, delay_ms) in [0, 5, 15, 30, 60, 120, 250, 500].into_iter().enumerate() {
+        let out = format!("s{n}");
+        let running = bench.start(&[&learn(&out)[..], &["--rollouts", "500"]].concat());
+        // Before this, the process is not ours yet: it has not begun to run skillet.
+        eventually("start", || util::is_skillet(running.pid()).then_some(()));
+        std::thread::sleep(std::time::Duration::from_millis(100 + delay_ms));
+        running.signal_group("INT");
+        let output = running.wait();
+        assert_eq!(output.status.code(), Some(1), "{delay_ms} ms: {}", stderr(&output));
+        bench.ok(&[&learn(&out)[..], &["--rollouts", "1"]].concat());
+    }
+}
+
+#[test]
+fn sessions_started_together_take_folders_of_their_own_or_say_so() {
+    let bench = Bench::new();
+    let first = bench.start(&[&learn("s")[..], &["--rollouts", "500"]].concat());
+    bench.wait_for_trials("s", 1);
+    bench.refused(&learn("s"), &["this session is in use"]);
+    first.signal("INT");
+    assert_eq!(first.wait().status.code(), Some(1));
+}
+
+#[test]
 fn killed_children_are_named_and_nothing_is_lost() {
     let bench = Bench::new();
     for (victim, survivor) in [("controller", "learner"), ("learner", "controller")] {
@@ -77,7 +103,7 @@ fn killed_children_are_named_and_nothing_is_lost() {
         let message = stderr(&output);
         assert_eq!(output.status.code(), Some(2), "{message}");
         assert!(message.contains(&format!("the {victim} was killed by signal 9")), "{message}");
-        assert!(message.contains(&format!("The {survivor} was ended in order")), "{message}");
+        assert!(message.contains(&format!("The {survivor} is ended in order")), "{message}");
         eventually("end of the survivor", || (!is_alive(other)).then_some(()));
 
         bench.ok(&[&learn(victim)[..], &["--rollouts", "20"]].concat());

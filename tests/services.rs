@@ -86,3 +86,16 @@ fn cells_do_not_meet() {
     }
     assert_eq!(bits(&bench.trials("a")), bits(&bench.trials("b")));
 }
+
+/// A controller that refuses whatever comes must not be mistaken for bad policies.
+#[test]
+fn refused_policies_end_the_session_with_the_reason_and_are_no_trials() {
+    let bench = Bench::new();
+    // The controller's settings leave no room for the demonstration; the learner does not know.
+    let strict = bench.write("strict.toml", "[controller]\nsettle_s = 4.5\n");
+    let strict = ["--config", strict.to_str().unwrap()];
+    let _controller = bench.start(&[&CONTROLLER[..], &strict].concat());
+    let learner = ["learner", "--cell", "c1", "--session", "s"];
+    bench.refused(&learner, &["rollout 1", "3 attempts", "refused the policy"]);
+    assert!(bench.trials("s").is_empty());
+}

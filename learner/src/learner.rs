@@ -11,7 +11,9 @@
 use std::path::Path;
 
 use nalgebra::DVector;
-use shm_types::episode::{EpisodeError, EpisodeHeader, TickRecord};
+use shm_types::episode::{
+    EpisodeError, EpisodeHeader, FAULT_APPROACH_TIMEOUT, FAULT_POLICY_REFUSED, TickRecord,
+};
 use shm_types::policy::PolicyMsg;
 use thiserror::Error;
 
@@ -62,6 +64,8 @@ pub enum CompleteError {
     NotAsked { rollout: u64 },
     #[error("episode of rollout {rollout} executed another policy than the one asked for; ignored")]
     OtherPolicy { rollout: u64 },
+    #[error("the controller did not execute rollout {rollout}: {reason}")]
+    NotExecuted { rollout: u64, reason: &'static str },
     #[error(transparent)]
     Learner(LearnerError),
 }
@@ -143,8 +147,11 @@ impl Learner {
         header: &EpisodeHeader,
         records: &[TickRecord],
     ) -> Result<TrialReport, CompleteError> {
-        let records = header.validate(records)?;
         let proposal = self.matching_proposal(policy, header)?;
+        let records = header.validate(records)?;
+        if let Some(reason) = not_executed(header.fault) {
+            return Err(CompleteError::NotExecuted { rollout: header.rollout, reason });
+        }
         let trial = TrialRecord {
             rollout: header.rollout,
             theta: proposal.theta.clone(),
@@ -260,6 +267,16 @@ impl Learner {
             return Err(CompleteError::OtherPolicy { rollout });
         }
         Ok(proposal)
+    }
+}
+
+/// Why an episode with this fault is no trial: the policy was never tried. Faults during the
+/// rollout are the policy's doing and are rewarded like anything else it does.
+fn not_executed(fault: u64) -> Option<&'static str> {
+    match fault {
+        FAULT_POLICY_REFUSED => Some("it refused the policy; its log names the reason"),
+        FAULT_APPROACH_TIMEOUT => Some("the arm did not reach the start posture in time"),
+        _ => None,
     }
 }
 

@@ -24,6 +24,8 @@ const BEAT: Duration = Duration::from_millis(100);
 const HOUSEKEEPING: Duration = Duration::from_secs(1);
 /// A controller whose heartbeat is older than this is silent.
 const SILENT: Duration = Duration::from_secs(2);
+/// Unusable episodes of one rollout after which the session ends.
+const ATTEMPTS: u32 = 3;
 /// A rollout that takes longer, Approach included, is asked for again.
 const ROLLOUT: Duration = Duration::from_secs(30);
 
@@ -37,7 +39,7 @@ pub enum Event {
     /// The rollout was asked for again.
     AskedAgain {
         rollout: u64,
-        reason: &'static str,
+        reason: String,
     },
 }
 
@@ -54,6 +56,11 @@ pub enum End {
 pub enum SessionError {
     #[error(transparent)]
     Learner(#[from] LearnerError),
+    #[error(
+        "rollout {rollout} gave no usable episode in {attempts} attempts: {reason}; everything \
+         before it is saved"
+    )]
+    Unusable { rollout: u64, attempts: u32, reason: String },
     #[error(
         "policy of rollout {rollout} cannot be published ({reason}); restart learner and controller"
     )]
@@ -131,11 +138,24 @@ impl<'a> Link<'a> {
         on_event: &mut dyn FnMut(Event),
     ) -> Result<Option<TrialReport>, SessionError> {
         let mut asked = Instant::now();
+        let mut attempts = 0;
         loop {
             while let Ok(Some(episode)) = self.ports.episodes.receive() {
                 match learner.complete(policy, episode.user_header(), episode.payload()) {
                     Ok(report) => return Ok(Some(report)),
                     Err(CompleteError::Learner(error)) => return Err(error.into()),
+                    Err(
+                        unusable @ (CompleteError::Invalid(_) | CompleteError::NotExecuted { .. }),
+                    ) => {
+                        attempts += 1;
+                        let (rollout, reason) = (policy.rollout, unusable.to_string());
+                        if attempts == ATTEMPTS {
+                            return Err(SessionError::Unusable { rollout, attempts, reason });
+                        }
+                        on_event(Event::AskedAgain { rollout, reason });
+                        self.publish(policy)?;
+                        asked = Instant::now();
+                    }
                     Err(refused) => tracing::warn!("episode refused: {refused}"),
                 }
             }
@@ -144,8 +164,8 @@ impl<'a> Link<'a> {
             }
             let restarted = self.look_around(on_event);
             let reason = match (restarted, asked.elapsed() >= ROLLOUT && !self.is_silent) {
-                (true, _) => Some("the controller has restarted"),
-                (_, true) => Some("its episode did not come"),
+                (true, _) => Some("the controller has restarted".to_string()),
+                (_, true) => Some("its episode did not come".to_string()),
                 _ => None,
             };
             if let Some(reason) = reason {

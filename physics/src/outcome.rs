@@ -205,9 +205,9 @@ impl OutcomeTracker {
         self.is_finished
     }
 
-    /// Is the pancake in the air, beyond flicker?
-    pub fn in_flight(&self) -> bool {
-        self.flight.is_some_and(|flight| flight.duration() > self.config.min_flight_s)
+    /// Is the pancake off the pan, be it for a flight or for a flicker of contact?
+    pub fn is_airborne(&self) -> bool {
+        self.flight.is_some()
     }
 
     /// What has happened so far; final once [`is_finished`](Self::is_finished).

@@ -33,9 +33,9 @@ pub enum AdmissionError {
     Duration { duration_s: f64, settle_s: f64, records: usize },
 }
 
-/// Records that a rollout of this policy can fill.
-pub fn records_needed(message: &PolicyMsg, config: &ControllerConfig) -> usize {
-    ((message.duration_s + config.settle_s) / config.period_s()).ceil() as usize + 2
+/// Records that a rollout of a policy of this duration can fill.
+pub fn records_needed(duration_s: f64, config: &ControllerConfig) -> usize {
+    ((duration_s + config.settle_s) / config.period_s()).ceil() as usize + 2
 }
 
 /// Checks everything that can be checked without moving, and converts.
@@ -45,7 +45,7 @@ pub fn admit(
     config: &ControllerConfig,
 ) -> Result<Policy, AdmissionError> {
     message.validate()?;
-    let records = records_needed(message, config);
+    let records = records_needed(message.duration_s, config);
     if records > MAX_RECORDS {
         let (duration_s, settle_s) = (message.duration_s, config.settle_s);
         return Err(AdmissionError::Duration { duration_s, settle_s, records });

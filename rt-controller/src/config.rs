@@ -36,7 +36,7 @@ pub struct ControllerConfig {
     pub hold_damping: f64,
     /// The start posture is held at least this long before a policy takes over, s.
     pub approach_s: f64,
-    /// Longest Settle phase, s.
+    /// Longest Settle phase, s. A catch is judged 0.5 s after the fall through Δ_h.
     pub settle_s: f64,
 }
 
@@ -52,7 +52,7 @@ impl Default for ControllerConfig {
             speed_taper: 0.9,
             joint_margin_rad: 0.05,
             hold_damping: 0.1,
-            approach_s: 0.1,
+            approach_s: 0.05,
             settle_s: 1.2,
         }
     }
@@ -80,7 +80,7 @@ impl ControllerConfig {
             ("joint_margin_rad", self.joint_margin_rad, 1e-3, 0.5),
             ("hold_damping", self.hold_damping, 0.0, 1.0),
             ("approach_s", self.approach_s, 0.01, 5.0),
-            ("settle_s", self.settle_s, 0.1, 5.0),
+            ("settle_s", self.settle_s, 0.6, 5.0),
         ] {
             if !(min..=max).contains(&value) {
                 return Err(ControllerConfigError { field, value, min, max });

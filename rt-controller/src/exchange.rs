@@ -17,6 +17,7 @@ use crate::admission::{admit, records_needed};
 use crate::config::{ControllerConfig, Pace};
 use crate::loop_report::LoopReport;
 use crate::outcome_message::outcome_message;
+use crate::request::{Request, boot_id};
 use crate::run::{Done, Job, RunSummary};
 use crate::tick::Fault;
 
@@ -32,26 +33,6 @@ pub(crate) struct Setup<'a> {
     pub privileged: &'a AtomicBool,
 }
 
-/// Names a rollout and the policy it runs.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Request {
-    session: u64,
-    rollout: u64,
-    policy_id: u64,
-    digest: u64,
-}
-
-impl Request {
-    fn of(message: &PolicyMsg) -> Request {
-        Request {
-            session: message.session,
-            rollout: message.rollout,
-            policy_id: message.policy_id,
-            digest: message.digest,
-        }
-    }
-}
-
 pub(crate) struct Exchange<'a> {
     ports: ControllerPorts,
     setup: Setup<'a>,
@@ -61,6 +42,8 @@ pub(crate) struct Exchange<'a> {
     boot_id: u64,
     /// Received, not yet handed to the loop.
     pending: Option<PolicyMsg>,
+    /// Said once, not with every attempt.
+    loan_failed: bool,
     in_flight: Option<Request>,
     last: Request,
     applied_tick: u64,
@@ -87,6 +70,7 @@ impl<'a> Exchange<'a> {
             report: LoopReport::new(telemetry),
             boot_id: boot_id(),
             pending: None,
+            loan_failed: false,
             in_flight: None,
             last: Request::default(),
             applied_tick: 0,
@@ -212,7 +196,7 @@ impl<'a> Exchange<'a> {
         let request = Request::of(&message);
         let admitted = admit(&message, self.setup.model, self.setup.config);
         let n_records = if admitted.is_ok() {
-            records_needed(&message, self.setup.config)
+            records_needed(message.duration_s, self.setup.config)
         } else {
             // The refusal travels as an episode without records.
             1
@@ -220,11 +204,15 @@ impl<'a> Exchange<'a> {
         let mut episode = match self.ports.loan_episode(n_records) {
             Ok(episode) => episode,
             Err(error) => {
-                tracing::warn!("{error}; trying again");
+                if !self.loan_failed {
+                    tracing::warn!("{error}; trying again");
+                    self.loan_failed = true;
+                }
                 self.pending = Some(message);
                 return;
             }
         };
+        self.loan_failed = false;
         match admitted {
             Ok(policy) => match self.jobs.push(Job { policy, episode }) {
                 Ok(()) => self.in_flight = Some(request),
@@ -281,7 +269,8 @@ impl<'a> Exchange<'a> {
             accepted: u64::from(accepted),
             boot_id: self.boot_id,
             tick: self.report.last.tick,
-            phase: u64::from(self.report.last.phase),
+            // Without the wall clock nothing ticks between rollouts: the last tick is no news.
+            phase: if self.in_flight.is_some() { u64::from(self.report.last.phase) } else { 0 },
             fault: u64::from(self.report.last.fault),
             period_ns: u64::from(self.setup.config.period_us) * 1000,
             realtime: u64::from(self.setup.pace == Pace::Realtime),
@@ -305,10 +294,4 @@ impl<'a> Exchange<'a> {
             tick_max_ns: tick.max,
         }
     }
-}
-
-/// Tells one start of a controller from another. Names a process, decides nothing.
-fn boot_id() -> u64 {
-    let clock = rustix::time::clock_gettime(rustix::time::ClockId::Realtime);
-    (clock.tv_sec as u64).wrapping_mul(1_000_000_000).wrapping_add(clock.tv_nsec as u64)
 }

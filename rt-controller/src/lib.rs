@@ -13,6 +13,7 @@ pub mod limits;
 mod loop_report;
 mod outcome_message;
 pub mod policy;
+mod request;
 pub mod rollout;
 pub mod rt;
 pub mod run;

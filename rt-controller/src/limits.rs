@@ -11,6 +11,9 @@ pub fn joint_limit_torque(
 ) -> (JointVector, bool) {
     let mut acted = false;
     let torque = JointVector::from_fn(|i, _| {
+        if limits.tau_max[i] == 0.0 {
+            return 0.0; // a joint that the arm does not have
+        }
         let below = (limits.q_min[i] + margin - q[i]).max(0.0);
         let above = (q[i] - limits.q_max[i] + margin).max(0.0);
         acted |= below > 0.0 || above > 0.0;

@@ -9,7 +9,7 @@ use shm_types::policy::PolicyMsg;
 use crate::config::ControllerConfig;
 use crate::policy::Policy;
 
-/// After the policy's duration a pancake that is not in the air gets this long to leave the pan.
+/// After the policy's duration a pancake that lies in the pan gets this long to leave it.
 const NO_TOSS_S: f64 = 0.1;
 /// Speed of the Approach, rad/s, and how close it must come, rad.
 const APPROACH_SPEED: f64 = 0.5;
@@ -152,7 +152,7 @@ impl Rollout {
             Phase::Execute => {}
             Phase::Settle => {
                 let waited = t - self.policy.duration_s;
-                let no_toss = !self.tracker.in_flight()
+                let no_toss = !self.tracker.is_airborne()
                     && !self.tracker.outcome().tossed
                     && waited >= NO_TOSS_S;
                 if self.tracker.is_finished() || no_toss || waited >= self.settle_s {

@@ -120,6 +120,7 @@ pub fn run<P: Plant>(
             })
             .map_err(|error| RunError::Panic(format!("it could not be started: {error}")))?;
 
+        tracing::info!(cell = cell.name(), ?pace, "controller ready");
         let setup = Setup { model, config, pace, privileged };
         let mut exchange = Exchange::new(ports, setup, job_tx, done_rx, telemetry_rx);
         let summary = exchange.run(stop, || rt_thread.is_finished());

@@ -10,8 +10,8 @@ use physics::arm::{ArmModel, JointVector, dynamics};
 use physics::outcome::{Outcome, OutcomeConfig};
 use physics::plant::Measurement;
 use shm_types::episode::{
-    FLAG_IN_CONTACT, FLAG_NEAR_JOINT_LIMIT, FLAG_NEAR_SPEED_LIMIT, FLAG_RATE_LIMITED,
-    FLAG_TORQUE_CLIPPED, TickRecord,
+    FAULT_APPROACH_TIMEOUT, FAULT_POLICY_REFUSED, FLAG_IN_CONTACT, FLAG_NEAR_JOINT_LIMIT,
+    FLAG_NEAR_SPEED_LIMIT, FLAG_RATE_LIMITED, FLAG_TORQUE_CLIPPED, TickRecord,
 };
 
 use crate::config::ControllerConfig;
@@ -30,7 +30,7 @@ const SPEED_TOLERANCE: f64 = 2.0;
 #[repr(u32)]
 pub enum Fault {
     None = 0,
-    /// A measured position or speed is not a number.
+    /// A measured position or speed, of a joint or of the object, is not a number.
     MeasurementNotFinite = 1,
     /// A joint is far beyond its position limit.
     JointOutOfRange = 2,
@@ -41,9 +41,9 @@ pub enum Fault {
     /// The computed torque is not a number.
     TorqueNotFinite = 5,
     /// The start posture was not reached in time.
-    ApproachTimeout = 6,
+    ApproachTimeout = FAULT_APPROACH_TIMEOUT as u32,
     /// The policy was not admitted; nothing was executed.
-    PolicyRefused = 7,
+    PolicyRefused = FAULT_POLICY_REFUSED as u32,
 }
 
 impl Fault {
@@ -201,7 +201,11 @@ impl<'a> Controller<'a> {
     }
 
     fn check(&self, measured: &Measurement) -> Result<(), Fault> {
-        if !limits::is_finite(&measured.q) || !limits::is_finite(&measured.qd) {
+        let object = &measured.object;
+        let object_is_finite =
+            object.p_WO.iter().chain(object.R_WO.coords.iter()).all(|x| x.is_finite());
+        if !limits::is_finite(&measured.q) || !limits::is_finite(&measured.qd) || !object_is_finite
+        {
             return Err(Fault::MeasurementNotFinite);
         }
         let bounds = self.model.limits();

@@ -3,6 +3,9 @@
 use hdrhistogram::Histogram;
 use shm_types::telemetry::TelemetryTick;
 
+/// What takes longer is counted as this long.
+const MAX_NS: u64 = 10_000_000_000;
+
 /// Percentiles of wake-up and tick time since the start, ns.
 pub struct LoopStats {
     wakeup: Histogram<u64>,
@@ -21,8 +24,7 @@ pub struct Percentiles {
 
 impl LoopStats {
     pub fn new() -> LoopStats {
-        // Auto-resizing, 3 digits: memory grows with the largest value, on this thread only.
-        let histogram = || Histogram::new(3).expect("3 digits are valid");
+        let histogram = || Histogram::new_with_bounds(1, MAX_NS, 3).expect("bounds are valid");
         LoopStats { wakeup: histogram(), tick: histogram(), ticks: 0, missed: 0 }
     }
 
@@ -47,5 +49,30 @@ fn percentiles(histogram: &Histogram<u64>) -> Percentiles {
         p50: histogram.value_at_quantile(0.5),
         p99: histogram.value_at_quantile(0.99),
         max: histogram.max(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn percentiles_are_those_of_what_was_added() {
+        let mut stats = LoopStats::new();
+        for tick in 1..=1000 {
+            let (wakeup_ns, tick_ns) = (tick * 1000, 5000);
+            stats.add(&TelemetryTick {
+                tick,
+                wakeup_ns,
+                tick_ns,
+                missed: 3,
+                ..TelemetryTick::ZERO
+            });
+        }
+        let near = |found: u64, expected: f64| (found as f64 / expected - 1.0).abs() < 2e-3;
+        let wakeup = stats.wakeup();
+        assert!(near(wakeup.p50, 5e5) && near(wakeup.p99, 9.9e5) && near(wakeup.max, 1e6));
+        assert!(near(stats.tick().max, 5000.0));
+        assert_eq!((stats.ticks, stats.missed), (1000, 3));
     }
 }

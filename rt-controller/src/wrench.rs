@@ -29,7 +29,8 @@ impl ArmState {
 /// N = I − Jᵀ Λ J M⁻¹, which keeps the posture torque from moving the pan.
 ///
 /// Eq. (5) yields an acceleration; Λ is the step to newtons. `xdd_world` and F are [linear;
-/// angular] in world axes, `qdd_posture` in rad/s². Returns `None` when M or Λ⁻¹ is not positive
+/// angular] in world axes, `qdd_posture` in rad/s². An arm with fewer than six joints cannot follow
+/// all six rows: it gets their least-squares compromise in the metric of M. Returns `None` when M or Λ⁻¹ is not positive
 /// definite, which a physical arm in a finite state cannot produce.
 pub fn operational_space_torque(
     state: &ArmState,
@@ -46,7 +47,7 @@ pub fn operational_space_torque(
     Some(J.transpose() * force + state.bias + state.mass_matrix * qdd_posture)
 }
 
-/// Computed torque: τ = M (q̈_d + κᵛ(q̇_d − q̇) + κᴾ(q_d − q)) + bias.
+/// Inverse dynamics: τ = M q̈ + C(q, q̇)q̇ + g(q), for q̈ in rad/s².
 pub fn computed_torque(state: &ArmState, qdd: &JointVector) -> JointVector {
     state.mass_matrix * qdd + state.bias
 }

@@ -212,6 +212,61 @@ fn a_measurement_that_is_not_a_number_becomes_a_latched_hold() {
 }
 
 #[test]
+fn a_toss_after_the_end_of_the_policy_is_followed_to_its_end() {
+    let mut bench = Bench::new();
+    let mut still = message(0.0, 200.0);
+    still.duration_s = 0.3;
+    let policy = bench.admit(&still.sealed());
+    let mut controller = controller(&bench.model, &bench.config);
+    let policy_ticks = 300 + 50; // Execute and the Approach before it
+    let lies = bench.plant.measure().object;
+    // A pancake that leaves 50 ms after the policy's end, at 3 m/s, and falls back.
+    let flight = |ticks: u32| {
+        let t = f64::from(ticks.saturating_sub(policy_ticks + 50)) * 1e-3;
+        3.0 * t - 9.81 / 2.0 * t * t
+    };
+    rollout(
+        &mut controller,
+        &mut bench.plant,
+        &policy,
+        |tick, mut measured| {
+            measured.object = lies;
+            let height = flight(tick).max(0.0);
+            measured.object.p_WO.z += height;
+            measured.object.in_contact = height == 0.0;
+            measured
+        },
+        |_, _| {},
+    );
+    let outcome = controller.outcome();
+    assert!(outcome.tossed, "{outcome:?}");
+    assert!((outcome.apex_m - 9.0 / (2.0 * 9.81)).abs() < 0.01, "{outcome:?}");
+}
+
+#[test]
+fn an_object_that_is_not_a_number_is_a_fault_and_spoils_no_outcome() {
+    let mut bench = Bench::new();
+    let policy = bench.admit(&message(0.05, 200.0));
+    let mut controller = controller(&bench.model, &bench.config);
+    let mut last = TickRecord::ZERO;
+    rollout(
+        &mut controller,
+        &mut bench.plant,
+        &policy,
+        |tick, mut measured| {
+            if tick == 200 {
+                measured.object.p_WO.z = f64::NAN;
+            }
+            measured
+        },
+        |record, _| last = *record,
+    );
+    assert_eq!(last.fault, Fault::MeasurementNotFinite as u32);
+    assert!(last.object_position.iter().all(|x| x.is_finite()));
+    assert!(controller.outcome().final_lateral_m.is_finite());
+}
+
+#[test]
 fn joints_out_of_control_are_faults() {
     let bench = Bench::new();
     let limits = bench.model.limits();

@@ -100,9 +100,12 @@ impl Cell {
     /// Takes the role, or says who has it. Whoever comes alone clears what a crash left behind:
     /// a process killed while it creates a service leaves that service unusable for good.
     pub fn lock(&self, role: Role) -> Result<CellLock, CellError> {
-        self.create_dir()?;
+        if let Some(parent) = self.dir.parent() {
+            create_own_dir(parent)?;
+        }
         // Looking whether the other role is free takes its lock for an instant: one at a time.
         let _starting = self.starting()?;
+        create_own_dir(&self.dir)?;
         let lock = self.try_lock(role)?;
         let other = match role {
             Role::Controller => Role::Learner,
@@ -165,20 +168,6 @@ impl Cell {
         format!("sk{place:016x}_{}_", self.name)
     }
 
-    fn create_dir(&self) -> Result<(), CellError> {
-        let io = |path: &Path, source| CellError::Io { path: path.to_path_buf(), source };
-        let mut builder = fs::DirBuilder::new();
-        builder.recursive(true).mode(0o700);
-        for dir in [self.dir.parent().unwrap_or(&self.dir), &self.dir] {
-            builder.create(dir).map_err(|e| io(dir, e))?;
-            let owner = fs::metadata(dir).map_err(|e| io(dir, e))?.uid();
-            if owner != uid() {
-                return Err(CellError::Foreign { path: dir.to_path_buf(), uid: owner });
-            }
-        }
-        Ok(())
-    }
-
     /// Waits for its turn among all processes that start or end in a cell of this user. The lock
     /// lies beside the cells, because a cell's own folder may be removed by whoever holds it.
     fn starting(&self) -> Result<CellLock, CellError> {
@@ -208,6 +197,17 @@ impl Cell {
             }
         }
     }
+}
+
+/// Creates a directory for this user alone, or makes sure that it is this user's.
+fn create_own_dir(dir: &Path) -> Result<(), CellError> {
+    let io = |source| CellError::Io { path: dir.to_path_buf(), source };
+    fs::DirBuilder::new().recursive(true).mode(0o700).create(dir).map_err(io)?;
+    let owner = fs::metadata(dir).map_err(io)?.uid();
+    if owner != uid() {
+        return Err(CellError::Foreign { path: dir.to_path_buf(), uid: owner });
+    }
+    Ok(())
 }
 
 fn open_lock(path: &Path) -> Result<File, CellError> {

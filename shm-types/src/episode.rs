@@ -15,6 +15,10 @@ pub const FLAG_RATE_LIMITED: u32 = 4;
 pub const FLAG_NEAR_JOINT_LIMIT: u32 = 8;
 pub const FLAG_NEAR_SPEED_LIMIT: u32 = 16;
 
+/// Values of [`EpisodeHeader::fault`] under which the policy was not executed at all.
+pub const FAULT_APPROACH_TIMEOUT: u64 = 6;
+pub const FAULT_POLICY_REFUSED: u64 = 7;
+
 /// Bits of [`OutcomeMsg::flags`].
 pub const OUTCOME_TOSSED: u64 = 1;
 pub const OUTCOME_SUCCESS: u64 = 2;

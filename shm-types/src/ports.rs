@@ -1,5 +1,6 @@
 //! Both ends of every channel of a cell: what the controller, the learner and the tool hold.
 
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use iceoryx2::port::update_connections::UpdateConnections;
@@ -90,7 +91,7 @@ pub struct LearnerPorts {
     pub acks: Publisher<Ipc, Ack, ()>,
     pub beat: Publisher<Ipc, Heartbeat, ()>,
     pub controller_beat: Subscriber<Ipc, Heartbeat, ()>,
-    node: Node<Ipc>,
+    node: Arc<Node<Ipc>>,
 }
 
 impl LearnerPorts {
@@ -100,9 +101,14 @@ impl LearnerPorts {
         timeout: Duration,
         stop: &dyn Fn() -> bool,
     ) -> Result<LearnerPorts, ChannelError> {
-        let node = node(cell)?;
-        wait_for_controller(cell, &node, timeout, stop)?;
+        let node = Arc::new(node(cell)?);
+        with_retry(cell, timeout, stop, || LearnerPorts::try_open(node.clone()))
+    }
+
+    fn try_open(node: Arc<Node<Ipc>>) -> Result<LearnerPorts, ChannelError> {
         let door = Door::Open;
+        // First: the controller creates it last, so with it all the others are there.
+        commands(&node, door)?;
         Ok(LearnerPorts {
             policies: publisher(&latest(&node, POLICY, &POLICY_QOS, door)?, POLICY)?,
             episodes: episodes(&node, door)?
@@ -135,13 +141,16 @@ impl LearnerPorts {
 pub struct ToolPorts {
     pub commands: Client<Ipc, Command, (), Reply, ()>,
     pub telemetry: Subscriber<Ipc, Telemetry, ()>,
-    _node: Node<Ipc>,
+    _node: Arc<Node<Ipc>>,
 }
 
 impl ToolPorts {
     pub fn open(cell: &Cell, timeout: Duration) -> Result<ToolPorts, ChannelError> {
-        let node = node(cell)?;
-        wait_for_controller(cell, &node, timeout, &|| false)?;
+        let node = Arc::new(node(cell)?);
+        with_retry(cell, timeout, &|| false, || ToolPorts::try_open(node.clone()))
+    }
+
+    fn try_open(node: Arc<Node<Ipc>>) -> Result<ToolPorts, ChannelError> {
         Ok(ToolPorts {
             commands: commands(&node, Door::Open)?
                 .client_builder()
@@ -174,17 +183,18 @@ impl ToolPorts {
     }
 }
 
-fn wait_for_controller(
+/// Repeats `open` while services are absent, coming up or going down, up to `timeout`.
+fn with_retry<T>(
     cell: &Cell,
-    node: &Node<Ipc>,
     timeout: Duration,
     stop: &dyn Fn() -> bool,
-) -> Result<(), ChannelError> {
+    open: impl Fn() -> Result<T, ChannelError>,
+) -> Result<T, ChannelError> {
     let start = Instant::now();
     loop {
-        match commands(node, Door::Open) {
-            Ok(_) => return Ok(()),
-            Err(error) if !is_absent(&error) => return Err(error),
+        match open() {
+            Ok(ports) => return Ok(ports),
+            Err(error) if !is_transient(&error) => return Err(error),
             Err(_) if stop() || start.elapsed() >= timeout => {
                 let seconds = start.elapsed().as_secs_f64();
                 return Err(ChannelError::NoController { cell: cell.name().into(), seconds });
@@ -194,8 +204,9 @@ fn wait_for_controller(
     }
 }
 
-/// The service is not there yet, as opposed to there but foreign.
-fn is_absent(error: &ChannelError) -> bool {
+/// The service is not there, not yet or not any more, as opposed to there but foreign.
+fn is_transient(error: &ChannelError) -> bool {
+    let transient = ["DoesNotExist", "HangsInCreation", "IsMarkedForDestruction"];
     matches!(error, ChannelError::Service { reason, .. }
-        if reason.contains("DoesNotExist") || reason.contains("HangsInCreation"))
+        if transient.iter().any(|word| reason.contains(word)))
 }

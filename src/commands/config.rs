@@ -5,13 +5,17 @@ use anyhow::Result;
 use crate::Verdict;
 use crate::cli::ConfigArgs;
 use crate::config::Config;
+use crate::output::{print, print_json};
+
+/// Settings without a default, which TOML cannot show.
+const OPTIONAL: &str = "\n# optional: task.demonstration (CSV), plant.arm (URDF), controller.cpu\n";
 
 pub fn run(args: &ConfigArgs) -> Result<Verdict> {
     let config = Config::load(args.config.as_deref())?;
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&config)?);
+        print_json(&config)?;
     } else {
-        print!("{}", config.to_toml()?);
+        print(&format!("{}{OPTIONAL}", config.to_toml()?))?;
     }
     Ok(Verdict::Done)
 }

@@ -12,13 +12,13 @@ use crate::config::Config;
 use crate::{log, setup};
 
 pub fn run(args: &ControllerArgs) -> Result<Verdict> {
-    if args.child {
-        setup::end_with_parent()?;
+    let stop = setup::stop_flag()?;
+    if let Some(parent) = args.child {
+        setup::end_with_parent(parent)?;
     }
     let config = Config::load(args.config.as_deref())?;
     log::start(&config.log);
     let cell = Cell::new(args.cell.as_deref().unwrap_or(&config.cell.name))?;
-    let stop = setup::stop_flag()?;
 
     let model = setup::arm(&config)?;
     let q0 = config.plant.start_posture();
@@ -26,7 +26,6 @@ pub fn run(args: &ControllerArgs) -> Result<Verdict> {
     let mut plant = PancakePlant::new(&model, &q0, &world);
     let outcome = OutcomeConfig { pan_radius: world.pan_radius, ..OutcomeConfig::default() };
 
-    tracing::info!(cell = cell.name(), pace = args.pace.name(), "controller ready");
     let controlled = Controlled { model: &model, plant: &mut plant, q0, outcome };
     let summary =
         rt_controller::run(&cell, &config.controller, args.pace.into(), controlled, &stop)?;

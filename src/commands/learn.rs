@@ -10,7 +10,6 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, bail};
 use learner::store::Store;
 use learner::summary::Summary as Achievement;
-use serde_json::json;
 use shm_types::cell::{Cell, runtime_dir};
 use shm_types::command::{COMMAND_STATUS, Reply};
 use shm_types::ports::ToolPorts;
@@ -19,8 +18,10 @@ use crate::Verdict;
 use crate::children::Service;
 use crate::cli::LearnArgs;
 use crate::config::Config;
+use crate::output::print;
 use crate::progress::{Progress, TrialLine};
 use crate::session_folder::SessionFolder;
+use crate::summary::Summary;
 use crate::{commands, setup};
 
 const PRIVATE_CELL: &str = "learn-";
@@ -36,13 +37,18 @@ pub fn run(args: &LearnArgs) -> Result<Verdict> {
     let result = run_services(args, &folder, &config, &cell, &stop);
     cell.remove_if_idle();
     let run = result?;
+    if run.interrupted && !folder.database().exists() {
+        let dir = folder.dir().display();
+        eprintln!("stopped before the first rollout; go on with --out {dir}");
+        return Ok(Verdict::Negative);
+    }
 
     let summary = summary(&folder, &config, &run, start.elapsed())?;
     let report = commands::report::write(&folder, &summary.notes())?;
     if args.json {
-        println!("{}", serde_json::to_string(&summary.json(&report))?);
+        print(&format!("{}\n", summary.json(&report)))?;
     } else {
-        print!("{}", summary.text(&report));
+        print(&summary.text(&report))?;
     }
     Ok(if run.interrupted { Verdict::Negative } else { Verdict::Done })
 }
@@ -72,6 +78,10 @@ fn prepare(args: &LearnArgs) -> Result<(SessionFolder, Config)> {
     config.learner.rollouts = args.rollouts.unwrap_or(config.learner.rollouts);
     config.validate()?;
 
+    if folder.has_session() {
+        folder.expect_same_world(&config)?;
+        drop(folder.lock()?);
+    }
     let model = setup::arm(&config)?;
     let demonstration = setup::demonstration(&config)?;
     setup::check_duration(&config, &demonstration)?;
@@ -102,7 +112,8 @@ fn run_services(
     stop: &AtomicBool,
 ) -> Result<Run> {
     let config_path = folder.config_path();
-    let common = [OsStr::new("--child"), OsStr::new("--cell"), OsStr::new(cell.name())];
+    let parent = std::process::id().to_string();
+    let common = ["--child", &parent, "--cell", cell.name()].map(OsStr::new);
     let pace = OsStr::new(args.pace.name());
     let controller_args = [
         &[OsStr::new("controller"), OsStr::new("--config"), config_path.as_os_str()][..],
@@ -131,10 +142,11 @@ fn run_services(
         .and_then(|ports| ports.request(COMMAND_STATUS, 1, Duration::from_millis(500)));
     let ended = (learner.stop()?, controller.stop()?);
     let (trials, wall, interrupted) = outcome?;
+    // A terminal interrupts the whole group, a child perhaps before it could listen.
     if !interrupted {
         expect_success(&learner, ended.0)?;
+        expect_success(&controller, ended.1)?;
     }
-    expect_success(&controller, ended.1)?;
     Ok(Run { trials, wall, interrupted, status })
 }
 
@@ -156,22 +168,26 @@ fn watch(
     loop {
         match lines.recv_timeout(WATCH) {
             Ok(line) => {
-                let trial: TrialLine = serde_json::from_str(&line)
-                    .with_context(|| format!("the learner said something else: {line}"))?;
                 trials += 1;
-                progress.trial(&trial);
+                progress.trial(&parse(&line)?);
                 continue;
             }
-            Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => {}
+            Err(RecvTimeoutError::Timeout) => {}
+            // Its end is near, but a process ends a little after its output.
+            Err(RecvTimeoutError::Disconnected) => std::thread::sleep(Duration::from_millis(1)),
         }
         if stop.load(Ordering::Relaxed) {
             progress.note("stopping; the session is saved");
             return Ok((trials, start.elapsed(), true));
         }
         if let Some(status) = learner.exited()? {
+            for line in lines.iter() {
+                trials += 1;
+                progress.trial(&parse(&line)?);
+            }
             if !status.success() {
                 bail!(
-                    "{}\nThe controller was ended in order; the session up to the last trial is \
+                    "{}\nThe controller is ended in order; the session up to the last trial is \
                      saved and resumes with the same command.",
                     learner.obituary(status)
                 );
@@ -180,7 +196,7 @@ fn watch(
         }
         if let Some(status) = controller.exited()? {
             bail!(
-                "{}\nThe learner was ended in order; the session up to the last trial is saved and \
+                "{}\nThe learner is ended in order; the session up to the last trial is saved and \
                  resumes with the same command.",
                 controller.obituary(status)
             );
@@ -188,20 +204,12 @@ fn watch(
     }
 }
 
-fn stored_trials(database: &Path) -> u64 {
-    Store::open(database).and_then(|store| store.trial_count()).unwrap_or(0)
+fn parse(line: &str) -> Result<TrialLine> {
+    serde_json::from_str(line).with_context(|| format!("the learner said something else: {line}"))
 }
 
-/// The result of a session, for people and for machines.
-struct Summary {
-    task: String,
-    seed: u64,
-    result: Achievement,
-    folder: SessionFolder,
-    wall: Duration,
-    rollouts_per_s: f64,
-    interrupted: bool,
-    status: Option<Reply>,
+fn stored_trials(database: &Path) -> u64 {
+    Store::open(database).and_then(|store| store.trial_count()).unwrap_or(0)
 }
 
 fn summary(folder: &SessionFolder, config: &Config, run: &Run, wall: Duration) -> Result<Summary> {
@@ -217,89 +225,4 @@ fn summary(folder: &SessionFolder, config: &Config, run: &Run, wall: Duration) -
         interrupted: run.interrupted,
         status: run.status,
     })
-}
-
-impl Summary {
-    fn json(&self, report: &Path) -> serde_json::Value {
-        let us = |ns: u64| ns as f64 * 1e-3;
-        let timing = self.status.map(|status| {
-            json!({
-                "realtime": status.realtime == 1,
-                "realtime_priority": status.privileged == 1,
-                "deadline_misses": status.deadline_misses,
-                "wakeup_p50_us": us(status.wakeup_p50_ns),
-                "wakeup_p99_us": us(status.wakeup_p99_ns),
-                "wakeup_max_us": us(status.wakeup_max_ns),
-                "tick_p50_us": us(status.tick_p50_ns),
-                "tick_p99_us": us(status.tick_p99_ns),
-                "tick_max_us": us(status.tick_max_ns),
-            })
-        });
-        json!({
-            "task": self.task,
-            "seed": self.seed,
-            "rollouts": self.result.trials,
-            "first_success": self.result.first_success,
-            "successes": self.result.successes,
-            "success_last20": self.result.success_last20,
-            "best_reward": self.result.best_reward,
-            "best_rollout": self.result.best_rollout,
-            "session": self.folder.dir(),
-            "report": report,
-            "wall_s": self.wall.as_secs_f64(),
-            "rollouts_per_s": self.rollouts_per_s,
-            "interrupted": self.interrupted,
-            "timing": timing,
-        })
-    }
-
-    fn text(&self, report: &Path) -> String {
-        let result = &self.result;
-        let first = match result.first_success {
-            Some(rollout) => format!("first caught flip at rollout {rollout}"),
-            None => "no caught flip yet".into(),
-        };
-        let mut text = format!(
-            "{}, seed {}: {} rollouts, {first}, {:.0} % of the last 20 succeed\n\
-             best reward {:.3} at rollout {}; {:.1} rollouts/s\n",
-            self.task,
-            self.seed,
-            result.trials,
-            100.0 * result.success_last20,
-            result.best_reward,
-            result.best_rollout.unwrap_or(0),
-            self.rollouts_per_s,
-        );
-        for (name, value) in self.notes().iter().skip(1) {
-            text += &format!("{name}: {value}\n");
-        }
-        text +=
-            &format!("session  {}\nreport   {}\n", self.folder.dir().display(), report.display());
-        if self.interrupted {
-            let dir = self.folder.dir().display();
-            text +=
-                &format!("stopped early; go on with: skillet learn {} --out {dir}\n", self.task);
-        }
-        text
-    }
-
-    /// What the report shows beside the figures.
-    fn notes(&self) -> Vec<(String, String)> {
-        let us = |ns: u64| ns as f64 * 1e-3;
-        let mut notes =
-            vec![("rollouts per second".to_string(), format!("{:.1}", self.rollouts_per_s))];
-        if let Some(status) = self.status.filter(|status| status.realtime == 1) {
-            notes.push((
-                "wake-up p50 / p99 / max".into(),
-                format!(
-                    "{:.1} / {:.1} / {:.1} µs",
-                    us(status.wakeup_p50_ns),
-                    us(status.wakeup_p99_ns),
-                    us(status.wakeup_max_ns)
-                ),
-            ));
-            notes.push(("deadlines missed".into(), status.deadline_misses.to_string()));
-        }
-        notes
-    }
 }

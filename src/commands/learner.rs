@@ -23,22 +23,25 @@ use crate::{log, setup};
 const PATIENCE: Duration = Duration::from_secs(10);
 
 pub fn run(args: &LearnerArgs) -> Result<Verdict> {
-    if args.child {
-        setup::end_with_parent()?;
+    let stop = setup::stop_flag()?;
+    if let Some(parent) = args.child {
+        setup::end_with_parent(parent)?;
     }
     let folder = SessionFolder::at(&args.session);
-    if !folder.has_session() || args.config.is_some() {
+    if folder.has_session() {
+        if let Some(path) = &args.config {
+            folder.expect_same_world(&Config::load(Some(path))?)?;
+        }
+    } else {
         let config = Config::load(args.config.as_deref())?;
         let demonstration = setup::demonstration(&config)?;
         setup::check_duration(&config, &demonstration)?;
         setup::check_reach(&setup::arm(&config)?, &config.plant.start_posture(), &demonstration)?;
-        if !folder.has_session() {
-            folder.write(&config)?;
-        }
+        folder.write(&config)?;
     }
     let config = Config::load(Some(&folder.config_path()))?;
     log::start(&config.log);
-    let stop = setup::stop_flag()?;
+    let _session = folder.lock()?;
     let cell = Cell::new(args.cell.as_deref().unwrap_or(&config.cell.name))?;
     let _lock = cell.lock(Role::Learner)?;
     let mut learner = open(&folder, &config)?;
@@ -57,7 +60,12 @@ pub fn run(args: &LearnerArgs) -> Result<Verdict> {
     let mut line = TrialLine::so_far(&learner.summary());
     let mut on_event = |event| report(&event, &mut line, args.json);
     let end = session::run(&ports, &mut learner, &stop, &mut on_event)?;
-    tracing::info!(trials = learner.trials().len(), "learner ended in order");
+    let answer = learner.mean_policy()?;
+    tracing::info!(
+        trials = learner.trials().len(),
+        mean_policy = answer.policy_id,
+        "learner ended in order"
+    );
     Ok(if end == End::Done { Verdict::Done } else { Verdict::Negative })
 }
 

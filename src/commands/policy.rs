@@ -11,6 +11,7 @@ use shm_types::policy::{ACTIVATION_DECAY, PolicyMsg};
 use super::report::open;
 use crate::Verdict;
 use crate::cli::{PolicyArgs, PolicyVerb};
+use crate::output::{print, print_json};
 use crate::session_folder::SessionFolder;
 
 pub fn run(args: &PolicyArgs) -> Result<Verdict> {
@@ -33,14 +34,16 @@ fn list(store: &Store, best: Option<usize>, as_json: bool) -> Result<Verdict> {
     }
     if as_json {
         let rows: Vec<_> = trials.iter().map(row).collect();
-        println!("{}", serde_json::to_string_pretty(&rows)?);
+        print_json(&rows)?;
         return Ok(Verdict::Done);
     }
-    println!("policy  rollout  reward  caught  apex m  angle rad  lateral m  applied at tick");
+    let mut text =
+        "policy  rollout  reward  caught  apex m  angle rad  lateral m  applied at tick\n"
+            .to_string();
     for trial in &trials {
         let outcome = &trial.outcome;
-        println!(
-            "{:6}  {:7}  {:6.3}  {:6}  {:6.3}  {:9.3}  {:9.3}  {}",
+        text += &format!(
+            "{:6}  {:7}  {:6.3}  {:6}  {:6.3}  {:9.3}  {:9.3}  {}\n",
             trial.policy_id,
             trial.rollout,
             trial.reward,
@@ -51,6 +54,7 @@ fn list(store: &Store, best: Option<usize>, as_json: bool) -> Result<Verdict> {
             trial.applied_tick
         );
     }
+    print(&text)?;
     Ok(Verdict::Done)
 }
 
@@ -71,9 +75,9 @@ fn show(store: &Store, id: u64, as_json: bool) -> Result<Verdict> {
         bail!("policy {id}: not in this session; `skillet policy list` shows what is");
     };
     if as_json {
-        println!("{}", policy_json::to_json(&policy)?);
+        print(&format!("{}\n", policy_json::to_json(&policy)?))?;
     } else {
-        print!("{}", as_text(&policy));
+        print(&as_text(&policy))?;
     }
     Ok(Verdict::Done)
 }

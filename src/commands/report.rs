@@ -10,6 +10,7 @@ use serde_json::json;
 
 use crate::Verdict;
 use crate::cli::ReportArgs;
+use crate::output::{print, print_json};
 use crate::report::{self, ReportData, TrialRow};
 use crate::session_folder::SessionFolder;
 
@@ -17,9 +18,9 @@ pub fn run(args: &ReportArgs) -> Result<Verdict> {
     let folder = SessionFolder::open(&args.session)?;
     let page = write(&folder, &[])?;
     if args.json {
-        println!("{}", json!({ "report": page }));
+        print_json(&json!({ "report": page }))?;
     } else {
-        println!("{}", page.display());
+        print(&format!("{}\n", page.display()))?;
     }
     Ok(Verdict::Done)
 }

@@ -12,6 +12,7 @@ use shm_types::ports::ToolPorts;
 use crate::Verdict;
 use crate::cli::StatusArgs;
 use crate::config::Config;
+use crate::output::{print, print_json};
 
 const TIMEOUT: Duration = Duration::from_secs(1);
 const PHASES: [&str; 4] = ["idle", "approach", "execute", "settle"];
@@ -23,9 +24,9 @@ pub fn run(args: &StatusArgs) -> Result<Verdict> {
         Ok(ports) => ports.request(COMMAND_STATUS, u64::from(std::process::id()), TIMEOUT),
         Err(error @ ChannelError::NoController { .. }) => {
             if args.json {
-                println!("{}", json!({ "cell": cell.name(), "controller": "absent" }));
+                print_json(&json!({ "cell": cell.name(), "controller": "absent" }))?;
             } else {
-                println!("{error}");
+                print(&format!("{error}\n"))?;
             }
             return Ok(Verdict::Negative);
         }
@@ -38,9 +39,9 @@ pub fn run(args: &StatusArgs) -> Result<Verdict> {
         );
     };
     if args.json {
-        println!("{}", as_json(&cell, &reply));
+        print_json(&as_json(&cell, &reply))?;
     } else {
-        print!("{}", as_text(&cell, &reply));
+        print(&as_text(&cell, &reply))?;
     }
     Ok(Verdict::Done)
 }

@@ -1,6 +1,7 @@
 //! Drives the real executable, and reads what it wrote.
 #![allow(dead_code)] // each test file uses its own part
 
+use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -69,7 +70,7 @@ impl Bench {
     /// Starts a process whose output is read later.
     pub fn start(&self, arguments: &[&str]) -> Running {
         let mut command = self.skillet(arguments);
-        command.stdout(Stdio::piped()).stderr(Stdio::piped());
+        command.stdout(Stdio::piped()).stderr(Stdio::piped()).process_group(0);
         Running { child: Some(command.spawn().unwrap()) }
     }
 
@@ -123,6 +124,13 @@ impl Running {
         kill(self.pid(), signal);
     }
 
+    /// As a terminal does it: to the process and its children.
+    pub fn signal_group(&self, signal: &str) {
+        let group = format!("-{}", self.pid());
+        let status = Command::new("kill").args(["-s", signal, "--", &group]).status();
+        assert!(status.unwrap().success());
+    }
+
     pub fn wait(mut self) -> Output {
         let mut child = self.child.take().unwrap();
         let start = Instant::now();
@@ -163,6 +171,11 @@ impl Drop for Running {
 pub fn kill(pid: u32, signal: &str) {
     let status = Command::new("kill").args([&format!("-{signal}"), &pid.to_string()]).status();
     assert!(status.unwrap().success());
+}
+
+/// The process runs this executable, no longer a copy of the test.
+pub fn is_skillet(pid: u32) -> bool {
+    std::fs::read_link(format!("/proc/{pid}/exe")).is_ok_and(|exe| exe.ends_with("skillet"))
 }
 
 pub fn is_alive(pid: u32) -> bool {

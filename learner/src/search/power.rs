@@ -34,9 +34,9 @@ impl Default for PowerConfig {
         PowerConfig {
             n_elites: 6,
             n_initial: 10,
-            initial_std: 0.5,
+            initial_std: 0.7,
             floor_std: 0.2,
-            floor_decay: 1.0,
+            floor_decay: 0.985,
             floor_min: 0.05,
         }
     }

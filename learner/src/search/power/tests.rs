@@ -21,6 +21,11 @@ struct Case {
     sigma_new: Vec<Vec<f64>>,
 }
 
+/// The search as the paper states it: a constant floor.
+fn plain() -> PowerConfig {
+    PowerConfig { initial_std: 0.5, floor_std: 0.2, floor_decay: 1.0, ..PowerConfig::default() }
+}
+
 fn vectors(name: &str) -> Vec<Case> {
     let directory = std::env::var_os("SKILLET_VECTORS").map_or_else(
         || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/vectors")),
@@ -84,7 +89,7 @@ fn run(config: PowerConfig, seed: u64, n: u64, reward: impl Fn(&DVector<f64>) ->
 #[test]
 fn sampler_has_the_covariance_of_eq_6() {
     // The sampler is θ − mean = F z with F = [f₁ … f_M, σ₀I]: its covariance is F Fᵀ.
-    let config = PowerConfig::default();
+    let config = plain();
     let mut search = run(config, 5, 29, hill);
     let old_mean = search.mean().clone();
     let Proposal { theta, .. } = search.ask(30);
@@ -111,7 +116,7 @@ fn sampler_has_the_covariance_of_eq_6() {
 
 #[test]
 fn explores_around_the_start_until_the_initial_batch_is_told() {
-    let config = PowerConfig { n_initial: 4, ..Default::default() };
+    let config = PowerConfig { n_initial: 4, ..plain() };
     let search = run(config, 1, 4, hill);
     assert_eq!(search.mean(), &DVector::zeros(12));
     assert_eq!(search.snapshot(5).std, DVector::from_element(12, 0.5));
@@ -122,11 +127,11 @@ fn explores_around_the_start_until_the_initial_batch_is_told() {
 
 #[test]
 fn scaling_all_rewards_changes_nothing() {
-    let reference = run(PowerConfig::default(), 2, 40, hill);
+    let reference = run(plain(), 2, 40, hill);
     // A power of two scales without rounding, so every bit must agree.
-    let scaled = run(PowerConfig::default(), 2, 40, |theta| 1024.0 * hill(theta));
+    let scaled = run(plain(), 2, 40, |theta| 1024.0 * hill(theta));
     assert_eq!(reference.ask(41), scaled.ask(41));
-    let scaled = run(PowerConfig::default(), 2, 40, |theta| 0.3 * hill(theta));
+    let scaled = run(plain(), 2, 40, |theta| 0.3 * hill(theta));
     assert!((reference.ask(41).theta - scaled.ask(41).theta).amax() < 1e-9);
 }
 
@@ -136,11 +141,8 @@ fn the_order_of_trials_does_not_matter() {
     let rewards = [0.5, 0.1, 0.9, 0.5, 0.0, 0.7, 0.5, 0.2, 0.3];
     let told = trials(&thetas, &rewards);
     let update = |order: Vec<Trial>| {
-        let mut search = Power::new(
-            PowerConfig { n_elites: 4, n_initial: 8, ..Default::default() },
-            1,
-            DVector::zeros(2),
-        );
+        let mut search =
+            Power::new(PowerConfig { n_elites: 4, n_initial: 8, ..plain() }, 1, DVector::zeros(2));
         order.iter().for_each(|trial| search.tell(trial));
         search.snapshot(10)
     };
@@ -161,14 +163,14 @@ fn ties_are_kept_by_rollout() {
 
 #[test]
 fn keeps_floor_when_rewards_are_equal() {
-    let search = run(PowerConfig::default(), 3, 100, |_| 0.7);
+    let search = run(plain(), 3, 100, |_| 0.7);
     assert!(search.snapshot(101).std.min() >= 0.2);
     assert!(search.mean().iter().all(|x| x.is_finite()));
 }
 
 #[test]
 fn without_any_reward_mean_and_covariance_stay() {
-    let search = run(PowerConfig::default(), 3, 30, |_| 0.0);
+    let search = run(plain(), 3, 30, |_| 0.0);
     assert_eq!(search.mean(), &DVector::zeros(12));
     assert_eq!(search.snapshot(31).std, DVector::from_element(12, 0.5));
     assert_eq!(power_covariance(search.mean(), &search.elites, &DMatrix::zeros(12, 12)), None);
@@ -177,14 +179,14 @@ fn without_any_reward_mean_and_covariance_stay() {
 #[test]
 fn tiny_and_huge_rewards_stay_finite() {
     for scale in [1e-300, 1e300] {
-        let search = run(PowerConfig::default(), 4, 30, |theta| scale * hill(theta));
+        let search = run(plain(), 4, 30, |theta| scale * hill(theta));
         assert!(search.ask(31).theta.iter().all(|x| x.is_finite()));
     }
 }
 
 #[test]
 fn floor_decays_to_its_minimum() {
-    let config = PowerConfig { floor_decay: 0.9, floor_min: 0.05, ..Default::default() };
+    let config = PowerConfig { floor_decay: 0.9, floor_min: 0.05, ..plain() };
     let search = run(config, 1, 12, hill);
     assert_eq!(search.floor(12), 0.2);
     assert!((search.floor(14) - 0.2 * 0.81).abs() < 1e-15);
@@ -193,16 +195,15 @@ fn floor_decays_to_its_minimum() {
 
 #[test]
 fn same_seed_same_bits_and_asking_twice_changes_nothing() {
-    let (a, b) =
-        (run(PowerConfig::default(), 6, 50, hill), run(PowerConfig::default(), 6, 50, hill));
+    let (a, b) = (run(plain(), 6, 50, hill), run(plain(), 6, 50, hill));
     assert_eq!(a.ask(51), b.ask(51));
     assert_eq!(a.ask(51), a.ask(51));
-    let other = run(PowerConfig::default(), 7, 50, hill);
+    let other = run(plain(), 7, 50, hill);
     assert_ne!(a.ask(51), other.ask(51));
 }
 
 #[test]
 fn climbs_the_hill() {
-    let search = run(PowerConfig::default(), 8, 200, hill);
+    let search = run(plain(), 8, 200, hill);
     assert!(hill(search.mean()) > 0.9, "r(mean) = {}", hill(search.mean()));
 }

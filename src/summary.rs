@@ -1,0 +1,108 @@
+//! The result of `skillet learn`, for people and for machines.
+
+use std::path::Path;
+use std::time::Duration;
+
+use learner::summary::Summary as Achievement;
+use serde_json::json;
+use shm_types::command::Reply;
+
+use crate::session_folder::SessionFolder;
+
+/// The result of a session, for people and for machines.
+pub struct Summary {
+    pub task: String,
+    pub seed: u64,
+    pub result: Achievement,
+    pub folder: SessionFolder,
+    pub wall: Duration,
+    pub rollouts_per_s: f64,
+    pub interrupted: bool,
+    /// The controller's last words; absent when it was gone before it could be asked.
+    pub status: Option<Reply>,
+}
+
+impl Summary {
+    pub fn json(&self, report: &Path) -> serde_json::Value {
+        let us = |ns: u64| ns as f64 * 1e-3;
+        let timing = self.status.map(|status| {
+            json!({
+                "realtime": status.realtime == 1,
+                "realtime_priority": status.privileged == 1,
+                "deadline_misses": status.deadline_misses,
+                "wakeup_p50_us": us(status.wakeup_p50_ns),
+                "wakeup_p99_us": us(status.wakeup_p99_ns),
+                "wakeup_max_us": us(status.wakeup_max_ns),
+                "tick_p50_us": us(status.tick_p50_ns),
+                "tick_p99_us": us(status.tick_p99_ns),
+                "tick_max_us": us(status.tick_max_ns),
+            })
+        });
+        json!({
+            "task": self.task,
+            "seed": self.seed,
+            "rollouts": self.result.trials,
+            "first_success": self.result.first_success,
+            "successes": self.result.successes,
+            "success_last20": self.result.success_last20,
+            "best_reward": self.result.best_reward,
+            "best_rollout": self.result.best_rollout,
+            "session": self.folder.dir(),
+            "report": report,
+            "wall_s": self.wall.as_secs_f64(),
+            "rollouts_per_s": self.rollouts_per_s,
+            "interrupted": self.interrupted,
+            "timing": timing,
+        })
+    }
+
+    pub fn text(&self, report: &Path) -> String {
+        let result = &self.result;
+        let first = match result.first_success {
+            Some(rollout) => format!("first caught flip at rollout {rollout}"),
+            None => "no caught flip yet".into(),
+        };
+        let mut text = format!(
+            "{}, seed {}: {} rollouts, {first}, {:.0} % of the last 20 succeed\n\
+             best reward {:.3} at rollout {}; {:.1} rollouts/s\n",
+            self.task,
+            self.seed,
+            result.trials,
+            100.0 * result.success_last20,
+            result.best_reward,
+            result.best_rollout.unwrap_or(0),
+            self.rollouts_per_s,
+        );
+        for (name, value) in self.notes().iter().skip(1) {
+            text += &format!("{name}: {value}\n");
+        }
+        text +=
+            &format!("session  {}\nreport   {}\n", self.folder.dir().display(), report.display());
+        if self.interrupted {
+            let dir = self.folder.dir().display();
+            text +=
+                &format!("stopped early; go on with: skillet learn {} --out {dir}\n", self.task);
+        }
+        text
+    }
+
+    /// What the report shows beside the figures.
+    pub fn notes(&self) -> Vec<(String, String)> {
+        let us = |ns: u64| ns as f64 * 1e-3;
+        let mut notes =
+            vec![("rollouts per second".to_string(), format!("{:.1}", self.rollouts_per_s))];
+        if let Some(status) = self.status.filter(|status| status.realtime == 1) {
+            notes.push((
+                "wake-up p50 / p99 / max".into(),
+                format!(
+                    "{:.1} / {:.1} / {:.1} µs",
+                    us(status.wakeup_p50_ns),
+                    us(status.wakeup_p99_ns),
+                    us(status.wakeup_max_ns)
+                ),
+            ));
+            notes.push(("deadlines missed".into(), status.deadline_misses.to_string()));
+        }
+        notes
+    }
+}
