@@ -44,6 +44,7 @@ impl Summary {
             "rollouts": self.result.trials,
             "first_success": self.result.first_success,
             "successes": self.result.successes,
+            "faults": self.result.faults,
             "success_last20": self.result.success_last20,
             "best_reward": self.result.best_reward,
             "best_rollout": self.result.best_rollout,

@@ -23,6 +23,8 @@ pub struct TrialReport {
 pub struct Summary {
     pub trials: u64,
     pub successes: u64,
+    /// Trials in which the controller fell back to its damped hold.
+    pub faults: u64,
     pub first_success: Option<u64>,
     /// Share of successes among the last 20 trials, or among all if there are fewer; 0 of none.
     pub success_last20: f64,
@@ -40,6 +42,7 @@ impl Summary {
         Summary {
             trials: trials.len() as u64,
             successes: count(trials) as u64,
+            faults: trials.iter().filter(|trial| trial.fault != 0).count() as u64,
             first_success: trials.iter().find(|trial| trial.success()).map(|trial| trial.rollout),
             success_last20: count(late) as f64 / late.len().max(1) as f64,
             best_reward: best.map_or(0.0, |trial| trial.reward),
@@ -76,6 +79,7 @@ mod tests {
         let expected = Summary {
             trials: 30,
             successes: 6,
+            faults: 0,
             first_success: Some(5),
             success_last20: 0.25,
             best_reward: 6.0,
