@@ -7,6 +7,8 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 /// Learns compliant robot skills on a hard real-time loop.
 ///
 /// Exit code: 0 done, 1 a negative verdict (interrupted, no controller), 2 an error.
+///
+/// Cells live in $SKILLET_RUNTIME_DIR, else $XDG_RUNTIME_DIR/skillet, else /tmp/skillet-<uid>.
 #[derive(Parser)]
 #[command(version, propagate_version = true, max_term_width = 100)]
 #[command(after_help = "Example: skillet learn pancake --rollouts 100 --seed 3")]
@@ -89,6 +91,7 @@ pub struct LearnArgs {
     /// Seed of the search; equal seeds give equal trials, bit for bit
     #[arg(long)]
     pub seed: Option<u64>,
+    /// What paces the loop; in simulation the numbers do not depend on it
     #[arg(long, value_enum, default_value_t = PaceArg::Max)]
     pub pace: PaceArg,
     /// Configuration file (TOML); see `skillet config`
@@ -105,11 +108,13 @@ pub struct LearnArgs {
 #[derive(Args)]
 #[command(after_help = "Example: skillet controller --cell kitchen --config config/pancake.toml")]
 pub struct ControllerArgs {
-    /// Cell to serve; its name is shared with the learner
+    /// Cell to serve, shared with its learner; `cell.name` of the configuration when absent
     #[arg(long)]
     pub cell: Option<String>,
+    /// Configuration file (TOML); see `skillet config`
     #[arg(long)]
     pub config: Option<PathBuf>,
+    /// What paces the loop: a service keeps the wall clock unless told otherwise
     #[arg(long, value_enum, default_value_t = PaceArg::Realtime)]
     pub pace: PaceArg,
     /// End when the process that started this one ends
@@ -120,6 +125,7 @@ pub struct ControllerArgs {
 #[derive(Args)]
 #[command(after_help = "Example: skillet learner --cell kitchen --session sessions/kitchen")]
 pub struct LearnerArgs {
+    /// Cell of the controller to work with; `cell.name` of the configuration when absent
     #[arg(long)]
     pub cell: Option<String>,
     /// Session folder to create or resume
@@ -139,10 +145,13 @@ pub struct LearnerArgs {
 #[derive(Args)]
 #[command(after_help = "Example: skillet status --cell kitchen --json")]
 pub struct StatusArgs {
+    /// Cell of the controller to ask; `cell.name` of the configuration when absent
     #[arg(long)]
     pub cell: Option<String>,
+    /// Configuration file (TOML); see `skillet config`
     #[arg(long)]
     pub config: Option<PathBuf>,
+    /// Print JSON
     #[arg(long)]
     pub json: bool,
 }
@@ -162,6 +171,7 @@ pub enum PolicyVerb {
         /// Only the N policies with the highest reward
         #[arg(long)]
         best: Option<usize>,
+        /// Print JSON
         #[arg(long)]
         json: bool,
     },
@@ -171,6 +181,7 @@ pub enum PolicyVerb {
         session: PathBuf,
         /// Policy id, as in `policy list`; 0 is the initial policy
         id: u64,
+        /// Print JSON
         #[arg(long)]
         json: bool,
     },
@@ -192,8 +203,10 @@ Examples:
   skillet config > my.toml            every setting with its default
   skillet config --config my.toml     what my.toml means")]
 pub struct ConfigArgs {
+    /// Configuration file (TOML); the defaults when absent
     #[arg(long)]
     pub config: Option<PathBuf>,
+    /// Print JSON
     #[arg(long)]
     pub json: bool,
 }

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use learner::config::{LearnerConfig, Method};
 use learner::learner::{CompleteError, LearnerError, MEAN_POLICY_ID, SESSION_FILE};
+use learner::search::power::PowerConfig;
 use learner::store::SessionMeta;
 use learner::{Demonstration, Learner};
 use shm_types::episode::{EpisodeHeader, OUTCOME_SUCCESS, OutcomeMsg, TickRecord};
@@ -20,7 +21,9 @@ fn demonstration() -> Demonstration {
 }
 
 fn config(seed: u64) -> LearnerConfig {
-    LearnerConfig { seed, ..Default::default() }
+    // A short initial batch, so that a dozen trials have updated the search.
+    let power = PowerConfig { n_initial: 10, ..Default::default() };
+    LearnerConfig { seed, power, ..Default::default() }
 }
 
 fn create(directory: &Path, config: LearnerConfig) -> Learner {

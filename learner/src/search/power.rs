@@ -32,11 +32,11 @@ pub struct PowerConfig {
 impl Default for PowerConfig {
     fn default() -> Self {
         PowerConfig {
-            n_elites: 6,
-            n_initial: 10,
+            n_elites: 5,
+            n_initial: 20,
             initial_std: 0.7,
             floor_std: 0.2,
-            floor_decay: 0.985,
+            floor_decay: 0.99,
             floor_min: 0.05,
         }
     }

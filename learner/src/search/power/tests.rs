@@ -23,7 +23,14 @@ struct Case {
 
 /// The search as the paper states it: a constant floor.
 fn plain() -> PowerConfig {
-    PowerConfig { initial_std: 0.5, floor_std: 0.2, floor_decay: 1.0, ..PowerConfig::default() }
+    PowerConfig {
+        n_elites: 6,
+        n_initial: 10,
+        initial_std: 0.5,
+        floor_std: 0.2,
+        floor_decay: 1.0,
+        ..PowerConfig::default()
+    }
 }
 
 fn vectors(name: &str) -> Vec<Case> {
