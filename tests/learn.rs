@@ -46,6 +46,23 @@ fn initial_policy_does_not_toss() {
     assert!((0.05..0.3).contains(&first.apex_m), "it lifts the pan all the same: {}", first.apex_m);
 }
 
+/// The point of it all. Other machines may round differently, so no single seed is demanded.
+#[test]
+fn most_of_four_seeds_flip_the_pancake_within_40_rollouts() {
+    let bench = Bench::new();
+    let seeds = ["10", "24", "34", "36"];
+    let sessions = seeds.map(|seed| {
+        let more = ["--rollouts", "40", "--json", "--seed", seed, "--out", seed];
+        bench.start(&[&["learn", "pancake"][..], &more].concat())
+    });
+    let first_successes = sessions.map(|session| {
+        let summary: Value = serde_json::from_slice(&session.wait().stdout).unwrap();
+        summary["first_success"].as_u64()
+    });
+    let found = first_successes.iter().flatten().count();
+    assert!(found >= 2, "first caught flips of seeds {seeds:?}: {first_successes:?}");
+}
+
 #[test]
 fn ctrl_c_ends_both_children_and_the_session_resumes() {
     let bench = Bench::new();

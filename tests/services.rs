@@ -3,6 +3,8 @@
 mod util;
 
 use serde_json::Value;
+use shm_types::cell::Cell;
+use shm_types::ports::ToolPorts;
 use util::{Bench, bits, eventually, kill};
 
 const CONTROLLER: [&str; 5] = ["controller", "--cell", "c1", "--pace", "max"];
@@ -85,6 +87,24 @@ fn cells_do_not_meet() {
         assert!(session.wait().status.success());
     }
     assert_eq!(bits(&bench.trials("a")), bits(&bench.trials("b")));
+}
+
+#[test]
+fn telemetry_reaches_observers_that_come_and_go() {
+    let bench = Bench::new();
+    let _controller = bench.start(&["controller", "--cell", "c1", "--pace", "realtime"]);
+    let cell = Cell::in_dir(&bench.path("run"), "c1").unwrap();
+    let mut unseen = 0;
+    for _ in 0..3 {
+        let observer = ToolPorts::open(&cell, util::WATCHDOG).unwrap();
+        let sample = eventually("telemetry", || observer.telemetry.receive().unwrap());
+        assert_eq!(sample.schema, shm_types::SCHEMA);
+        let ticks: Vec<u64> = sample.ticks.iter().map(|tick| tick.tick).collect();
+        assert!(ticks.windows(2).all(|pair| pair[1] > pair[0]), "{ticks:?}");
+        assert!(ticks[0] >= unseen, "live, not old");
+        assert!(sample.ticks[0].tick_ns > 0);
+        unseen = ticks[ticks.len() - 1] + 1;
+    }
 }
 
 /// A controller that refuses whatever comes must not be mistaken for bad policies.
