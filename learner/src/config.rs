@@ -52,7 +52,7 @@ impl Default for LearnerConfig {
         let policy = InitialPolicyConfig::default();
         LearnerConfig {
             rollouts: 100,
-            seed: 0,
+            seed: 1,
             task_dim: policy.task_dim,
             n_components: policy.n_components,
             kappa_p: policy.kappa_p,
