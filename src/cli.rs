@@ -157,6 +157,7 @@ pub struct StatusArgs {
 }
 
 #[derive(Args)]
+#[command(after_help = "Example: skillet policy list sessions/pancake-1 --best 5")]
 pub struct PolicyArgs {
     #[command(subcommand)]
     pub verb: PolicyVerb,

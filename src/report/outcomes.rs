@@ -5,11 +5,10 @@ use shm_types::episode::OutcomeMsg;
 
 use super::figure::{Figure, Row, THIRD};
 use super::plot::{Axis, Plot};
+use super::side_view::PAN_RADIUS;
 use super::svg::Panel;
 use super::{ReportData, TrialRow};
 
-/// Radius of the pan, m.
-const PAN_RADIUS_M: f64 = 0.13;
 /// A miss beyond this is drawn here, m: a pancake thrown away must not flatten the others.
 const MISS_MAX_M: f64 = 0.4;
 
@@ -57,7 +56,7 @@ fn quantities(trials: &[TrialRow]) -> [Quantity; 3] {
         Quantity {
             axis: Axis { label: "lateral miss at the crossing, cm", min: 0.0, max: 41.0 },
             value: |outcome| crossed(outcome).then(|| outcome.lateral_m.min(MISS_MAX_M) * 100.0),
-            reference: Some(PAN_RADIUS_M * 100.0),
+            reference: Some(PAN_RADIUS * 100.0),
         },
     ]
 }

@@ -11,7 +11,7 @@ use nalgebra::{Quaternion, Rotation3, UnitQuaternion, Vector3};
 use super::svg::Panel;
 
 /// Pan: radius, length and outward tilt of the rim, distance of the wrist along −x. m, rad.
-const PAN_RADIUS: f64 = 0.13;
+pub const PAN_RADIUS: f64 = 0.13;
 const RIM_LENGTH: f64 = 0.025;
 const RIM_TILT: f64 = 30.0 * std::f64::consts::PI / 180.0;
 const WRIST: f64 = 0.30;
@@ -138,6 +138,16 @@ fn convex_hull(mut points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
 mod tests {
     use super::*;
     use crate::report::sample;
+
+    /// The picture draws the default world; its numbers are constants of the drawing.
+    #[test]
+    fn draws_pan_and_pancake_as_the_world_has_them() {
+        let world = physics::pancake::PancakeConfig::default();
+        assert_eq!((PAN_RADIUS, RIM_LENGTH), (world.pan_radius, world.rim_height));
+        assert!((RIM_TILT - world.rim_tilt).abs() < 1e-12);
+        assert_eq!(PANCAKE_RADIUS, world.pancake_radius);
+        assert_eq!(PANCAKE_THICKNESS, world.pancake_thickness);
+    }
 
     #[test]
     fn positive_pitch_lowers_the_nose() {
