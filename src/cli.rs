@@ -1,5 +1,6 @@
 //! Every command and flag.
 
+use std::num::NonZero;
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -31,6 +32,8 @@ pub enum Verb {
     Policy(PolicyArgs),
     /// Write the figures and the HTML page of a session
     Report(ReportArgs),
+    /// Repeat a study over many seeds: success rates with intervals, comparisons, figures
+    Study(StudyArgs),
     /// Show the configuration in effect
     Config(ConfigArgs),
 }
@@ -194,6 +197,31 @@ pub struct ReportArgs {
     /// Session folder
     pub session: PathBuf,
     /// Print the paths written as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Args)]
+#[command(after_help = "\
+Examples:
+  skillet study landscape --seeds 300 --first-seed 1000
+  skillet study skittles --seeds 300 --json
+
+Seeds that are done are kept in --out; the same command goes on where it was stopped.")]
+pub struct StudyArgs {
+    pub name: String,
+    /// How many seeds
+    #[arg(long, default_value = "20")]
+    pub seeds: NonZero<u64>,
+    #[arg(long, default_value_t = 0)]
+    pub first_seed: u64,
+    /// Folder of the results
+    #[arg(long, default_value = "studies")]
+    pub out: PathBuf,
+    /// Seeds at the same time; all cores when absent
+    #[arg(long)]
+    pub threads: Option<NonZero<usize>>,
+    /// Print one JSON object instead of a table
     #[arg(long)]
     pub json: bool,
 }

@@ -8,8 +8,10 @@ mod log;
 mod output;
 mod progress;
 mod report;
+
 mod session_folder;
 mod setup;
+mod study;
 mod summary;
 
 use std::process::ExitCode;
@@ -33,6 +35,7 @@ fn main() -> ExitCode {
         Verb::Status(args) => commands::status::run(args),
         Verb::Policy(args) => commands::policy::run(args),
         Verb::Report(args) => commands::report::run(args),
+        Verb::Study(args) => commands::study::run(args),
         Verb::Config(args) => commands::config::run(args),
     };
     match result {

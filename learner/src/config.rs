@@ -2,24 +2,14 @@
 
 use serde::{Deserialize, Serialize};
 use shm_types::MAX_COMPONENTS;
-use thiserror::Error;
 
 use crate::activation::Activation;
 use crate::initial_policy::InitialPolicyConfig;
 use crate::parameters::{STIFFNESS_MAX, STIFFNESS_MIN, Scales};
+pub use crate::range::ConfigError;
+use crate::range::{check, range};
 use crate::reward::RewardConfig;
-use crate::search::power::PowerConfig;
-use crate::search::random::RandomConfig;
-
-/// Which search proposes the policies.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Method {
-    /// PoWER with covariance adaptation, Eqs. (1) and (6).
-    Power,
-    /// Random search around the demonstration.
-    Random,
-}
+use crate::search::SearchConfig;
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -41,9 +31,7 @@ pub struct LearnerConfig {
     pub orientation_stiffness: f64,
     pub orientation_damping: f64,
     pub scales: Scales,
-    pub method: Method,
-    pub power: PowerConfig,
-    pub random: RandomConfig,
+    pub search: SearchConfig,
     pub reward: RewardConfig,
 }
 
@@ -62,24 +50,10 @@ impl Default for LearnerConfig {
             orientation_stiffness: policy.orientation_stiffness,
             orientation_damping: policy.orientation_damping,
             scales: Scales::default(),
-            method: Method::Power,
-            power: PowerConfig::default(),
-            random: RandomConfig::default(),
+            search: SearchConfig::default(),
             reward: RewardConfig::default(),
         }
     }
-}
-
-/// A setting outside its range, or changed under a running session.
-#[derive(Debug, Error, PartialEq)]
-pub enum ConfigError {
-    #[error("learner.{field} is {value}: use {allowed}")]
-    Range { field: String, value: String, allowed: String },
-    #[error(
-        "learner.{field} is {found}, but the session was started with {stored}: resume it with its \
-         own configuration, or start another one with --out"
-    )]
-    Changed { field: String, found: String, stored: String },
 }
 
 impl LearnerConfig {
@@ -92,35 +66,23 @@ impl LearnerConfig {
                 allowed: "3 (position), 4 (and pitch) or 6 (and roll, yaw)".into(),
             });
         }
-        for (field, value, min, max) in [
-            ("rollouts", self.rollouts, 1, 100_000),
-            ("n_components", self.n_components as u64, 1, MAX_COMPONENTS as u64),
-            ("power.n_elites", self.power.n_elites as u64, 1, 10_000),
-            ("power.n_initial", self.power.n_initial, 0, 10_000),
-        ] {
-            check(field, value, min, max)?;
-        }
-        for (field, value, min, max) in [
-            ("kappa_p", self.kappa_p, STIFFNESS_MIN, STIFFNESS_MAX),
-            ("decay_rate", self.decay_rate, 0.01, 100.0),
-            ("width_ratio", self.width_ratio, 0.1, 3.0),
-            ("orientation_stiffness", self.orientation_stiffness, 0.0, 1e5),
-            ("orientation_damping", self.orientation_damping, 0.0, 1e3),
-            ("scales.position_m", self.scales.position_m, 1e-4, 1.0),
-            ("scales.angle_rad", self.scales.angle_rad, 1e-4, 3.0),
-            ("scales.log_stiffness", self.scales.log_stiffness, 1e-4, 3.0),
-            ("power.initial_std", self.power.initial_std, 0.0, 100.0),
-            ("power.floor_std", self.power.floor_std, 0.0, 100.0),
-            ("power.floor_decay", self.power.floor_decay, 0.5, 1.0),
-            ("power.floor_min", self.power.floor_min, 0.0, self.power.floor_std),
-            ("random.std", self.random.std, 0.0, 100.0),
-            ("reward.w1", self.reward.w1, 0.0, 100.0),
-            ("reward.w2", self.reward.w2, 0.0, 100.0),
-            ("reward.w3", self.reward.w3, 0.0, 100.0),
-        ] {
-            check(field, value, min, max)?;
-        }
-        Ok(())
+        let ranges = [
+            range("rollouts", self.rollouts as f64, 1.0, 100_000.0),
+            range("n_components", self.n_components as f64, 1.0, MAX_COMPONENTS as f64),
+            range("kappa_p", self.kappa_p, STIFFNESS_MIN, STIFFNESS_MAX),
+            range("decay_rate", self.decay_rate, 0.01, 100.0),
+            range("width_ratio", self.width_ratio, 0.1, 3.0),
+            range("orientation_stiffness", self.orientation_stiffness, 0.0, 1e5),
+            range("orientation_damping", self.orientation_damping, 0.0, 1e3),
+            range("scales.position_m", self.scales.position_m, 1e-4, 1.0),
+            range("scales.angle_rad", self.scales.angle_rad, 1e-4, 3.0),
+            range("scales.log_stiffness", self.scales.log_stiffness, 1e-4, 3.0),
+            range("reward.w1", self.reward.w1, 0.0, 100.0),
+            range("reward.w2", self.reward.w2, 0.0, 100.0),
+            range("reward.w3", self.reward.w3, 0.0, 100.0),
+        ];
+        check("", &ranges)?;
+        self.search.validate()
     }
 
     /// The part that shapes the initial policy.
@@ -146,20 +108,6 @@ impl LearnerConfig {
             None => Ok(()),
         }
     }
-}
-
-fn check<T>(field: &str, value: T, min: T, max: T) -> Result<(), ConfigError>
-where
-    T: PartialOrd + std::fmt::Display,
-{
-    if (&min..=&max).contains(&&value) {
-        return Ok(());
-    }
-    Err(ConfigError::Range {
-        field: field.into(),
-        value: value.to_string(),
-        allowed: format!("{min} to {max}"),
-    })
 }
 
 fn to_json(config: &LearnerConfig) -> serde_json::Value {
@@ -208,12 +156,14 @@ mod tests {
             ("learner.orientation_stiffness", |c| c.orientation_stiffness = -1.0),
             ("learner.orientation_damping", |c| c.orientation_damping = f64::INFINITY),
             ("learner.scales.position_m is 0", |c| c.scales.position_m = 0.0),
-            ("learner.power.n_elites is 0", |c| c.power.n_elites = 0),
-            ("learner.power.n_initial", |c| c.power.n_initial = 20_000),
-            ("learner.power.initial_std", |c| c.power.initial_std = -0.5),
-            ("learner.power.floor_decay is 1.1", |c| c.power.floor_decay = 1.1),
-            ("learner.power.floor_min is 0.3: use 0 to 0.2", |c| c.power.floor_min = 0.3),
-            ("learner.random.std", |c| c.random.std = f64::NAN),
+            ("learner.search.power.n_elites is 0", |c| c.search.power.n_elites = 0),
+            ("learner.search.power.n_initial", |c| c.search.power.n_initial = 20_000),
+            ("learner.search.power.initial_std", |c| c.search.power.initial_std = -0.5),
+            ("learner.search.power.floor_decay is 1.1", |c| c.search.power.floor_decay = 1.1),
+            ("learner.search.power.floor_min is 0.3: use 0 to 0.2", |c| {
+                c.search.power.floor_min = 0.3
+            }),
+            ("learner.search.random.std", |c| c.search.random.std = f64::NAN),
             ("learner.reward.w2 is -1", |c| c.reward.w2 = -1.0),
         ];
         for (expected, break_it) in breaks {
@@ -228,10 +178,10 @@ mod tests {
     fn refuses_unknown_fields_and_choices() {
         for text in [
             r#"{"rollout": 3}"#,
-            r#"{"power": {"elites": 3}}"#,
+            r#"{"search": {"power": {"elites": 3}}}"#,
             r#"{"reward": {"w4": 1}}"#,
             r#"{"scales": {"position": 1}}"#,
-            r#"{"method": "magic"}"#,
+            r#"{"search": {"method": "magic"}}"#,
         ] {
             assert!(serde_json::from_str::<LearnerConfig>(text).is_err(), "{text}");
         }
@@ -243,11 +193,10 @@ mod tests {
         let longer = LearnerConfig { rollouts: 200, ..stored.clone() };
         assert_eq!(longer.check_resumes(&stored), Ok(()));
         let mut changed = stored.clone();
-        changed.power.floor_std = 0.3;
+        changed.search.power.floor_std = 0.3;
         let message = changed.check_resumes(&stored).unwrap_err().to_string();
-        assert!(
-            message
-                .contains("learner.power.floor_std is 0.3, but the session was started with 0.2")
-        );
+        assert!(message.contains(
+            "learner.search.power.floor_std is 0.3, but the session was started with 0.2"
+        ));
     }
 }

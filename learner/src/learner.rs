@@ -22,7 +22,7 @@ use crate::demonstration::Demonstration;
 use crate::initial_policy::initial_policy;
 use crate::parameters::{ParameterError, ParameterMap, PolicyIds};
 use crate::path::decimate;
-use crate::search::{self, Search};
+use crate::search::{self, Search, Space};
 use crate::store::{PolicyKind, SessionMeta, Store, StoreError, TrialRecord};
 use crate::summary::{Summary, TrialReport};
 use crate::trial::Proposal;
@@ -98,7 +98,7 @@ impl Learner {
         let config = meta.learner.clone();
         let mut store = Store::create(&directory.join(SESSION_FILE), meta, &initial)?;
         store.record_event("created", demonstration.file())?;
-        let search = search::build(&config, theta_0.clone());
+        let search = search::build(&config.search, config.seed, Space::white(theta_0.clone()));
         Ok(Learner { config, map, theta_0, search, store, trials: Vec::new(), pending: None })
     }
 
@@ -296,7 +296,7 @@ fn replay(
     theta_0: &DVector<f64>,
     trials: &[TrialRecord],
 ) -> Result<Box<dyn Search>, LearnerError> {
-    let mut search = search::build(config, theta_0.clone());
+    let mut search = search::build(&config.search, config.seed, Space::white(theta_0.clone()));
     for (trial, rollout) in trials.iter().zip(1..) {
         if trial.rollout != rollout || !same_bits(&search.ask(rollout).theta, &trial.theta) {
             return Err(LearnerError::NotReproduced { rollout });

@@ -14,6 +14,7 @@ pub mod learner;
 pub mod parameters;
 pub mod path;
 pub mod policy_json;
+pub mod range;
 pub mod reward;
 pub mod search;
 pub mod session;

@@ -15,4 +15,6 @@ pub struct Trial {
     pub rollout: u64,
     pub theta: DVector<f64>,
     pub reward: f64,
+    /// The task's own verdict, where it has one: a search may prefer such trials.
+    pub success: bool,
 }

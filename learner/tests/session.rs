@@ -3,9 +3,10 @@
 
 use std::path::Path;
 
-use learner::config::{LearnerConfig, Method};
+use learner::config::LearnerConfig;
 use learner::learner::{CompleteError, LearnerError, MEAN_POLICY_ID, SESSION_FILE};
 use learner::search::power::PowerConfig;
+use learner::search::{Method, SearchConfig};
 use learner::store::SessionMeta;
 use learner::{Demonstration, Learner};
 use shm_types::episode::{EpisodeHeader, OUTCOME_SUCCESS, OutcomeMsg, TickRecord};
@@ -23,7 +24,8 @@ fn demonstration() -> Demonstration {
 fn config(seed: u64) -> LearnerConfig {
     // A short initial batch, so that a dozen trials have updated the search.
     let power = PowerConfig { n_initial: 10, ..Default::default() };
-    LearnerConfig { seed, power, ..Default::default() }
+    let search = SearchConfig { power, ..Default::default() };
+    LearnerConfig { seed, search, ..Default::default() }
 }
 
 fn create(directory: &Path, config: LearnerConfig) -> Learner {
@@ -74,7 +76,9 @@ fn same_seed_same_bits() {
     for method in [Method::Power, Method::Random] {
         let run_once = |seed| {
             let directory = TempDir::new().unwrap();
-            let mut learner = create(directory.path(), LearnerConfig { method, ..config(seed) });
+            let mut config = config(seed);
+            config.search.method = method;
+            let mut learner = create(directory.path(), config);
             run(&mut learner, 30);
             theta_bits(&learner)
         };

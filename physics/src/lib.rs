@@ -30,6 +30,7 @@
 #![forbid(unsafe_code)]
 
 pub mod arm;
+pub mod landscape;
 pub mod outcome;
 pub mod pancake;
 pub mod plant;

@@ -7,9 +7,7 @@
 
 mod common;
 
-use std::path::PathBuf;
-
-use common::{project_path, wam};
+use common::wam;
 use nalgebra::Matrix3;
 use physics::arm::{ArmModel, JointMatrix, JointVector, TipKinematics, dynamics};
 use serde_json::Value;
@@ -50,11 +48,7 @@ fn arm_with_pan_agrees_with_reference() {
 }
 
 fn check_set(set: &str, urdf: &str) {
-    let directory = std::env::var_os("SKILLET_VECTORS")
-        .map_or_else(|| project_path("tests/vectors"), PathBuf::from);
-    let path = directory.join("wam_dynamics.json");
-    let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{path:?}: {e}"));
-    let vectors: Value = serde_json::from_str(&text).unwrap();
+    let vectors: Value = common::vectors("wam_dynamics.json");
     let cases = vectors[set].as_array().expect("the set is a list of cases");
     assert!(!cases.is_empty());
 

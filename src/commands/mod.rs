@@ -7,3 +7,4 @@ pub mod learner;
 pub mod policy;
 pub mod report;
 pub mod status;
+pub mod study;

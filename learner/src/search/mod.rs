@@ -1,12 +1,16 @@
 //! The search: proposes θ, learns from trials, and knows nothing of robots.
 
+mod config;
 pub mod normals;
 pub mod power;
 pub mod random;
+mod space;
 
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 
-use crate::config::{LearnerConfig, Method};
+pub use config::{Method, SearchConfig};
+pub use space::{Bounds, BoundsError, Space};
+
 use crate::trial::{Proposal, Trial};
 
 /// An episodic search over θ, deterministic in (configuration, seed, told trials).
@@ -24,6 +28,24 @@ pub trait Search: Send {
 
     /// The distribution from which rollout `rollout` is drawn.
     fn snapshot(&self, rollout: u64) -> SearchSnapshot;
+
+    /// The solutions found so far, at least one, those with the highest prior first. A search for
+    /// one optimum has one: its mean, with the variance it draws from.
+    fn modes(&self) -> Vec<Mode> {
+        let SearchSnapshot { mean, std, .. } = self.snapshot(u64::MAX);
+        let covariance = DMatrix::from_diagonal(&std.map(|s| s * s));
+        vec![Mode { prior: 1.0, mean, covariance }]
+    }
+}
+
+/// One mixture component or solution region: πᵢ, μᵢ, Σᵢ of Sec. 4.1.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Mode {
+    /// πᵢ; sums to one over the modes.
+    pub prior: f64,
+    /// The policy this mode stands for.
+    pub mean: DVector<f64>,
+    pub covariance: DMatrix<f64>,
 }
 
 /// State of a search, for the record.
@@ -36,10 +58,10 @@ pub struct SearchSnapshot {
     pub floor: f64,
 }
 
-/// The configured search around θ₀.
-pub fn build(config: &LearnerConfig, theta_0: DVector<f64>) -> Box<dyn Search> {
+/// The configured search in `space`.
+pub fn build(config: &SearchConfig, seed: u64, space: Space) -> Box<dyn Search> {
     match config.method {
-        Method::Power => Box::new(power::Power::new(config.power, config.seed, theta_0)),
-        Method::Random => Box::new(random::Random::new(config.random, config.seed, theta_0)),
+        Method::Power => Box::new(power::Power::new(config.power, seed, space)),
+        Method::Random => Box::new(random::Random::new(config.random, seed, space)),
     }
 }

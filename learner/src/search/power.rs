@@ -9,7 +9,8 @@ use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
 use super::normals::{standard_normal, stream};
-use super::{Search, SearchSnapshot};
+use super::{Search, SearchSnapshot, Space};
+use crate::range::{Range, range};
 use crate::trial::{Proposal, Trial};
 
 /// Settings; standard deviations in scaled units.
@@ -39,6 +40,20 @@ impl Default for PowerConfig {
             floor_decay: 0.99,
             floor_min: 0.05,
         }
+    }
+}
+
+impl PowerConfig {
+    /// Settings and their ranges.
+    pub fn ranges(&self) -> Vec<Range> {
+        vec![
+            range("n_elites", self.n_elites as f64, 1.0, 1e4),
+            range("n_initial", self.n_initial as f64, 0.0, 1e4),
+            range("initial_std", self.initial_std, 0.0, 100.0),
+            range("floor_std", self.floor_std, 0.0, 100.0),
+            range("floor_decay", self.floor_decay, 0.5, 1.0),
+            range("floor_min", self.floor_min, 0.0, self.floor_std),
+        ]
     }
 }
 
@@ -108,8 +123,9 @@ pub struct Power {
 }
 
 impl Power {
-    pub fn new(config: PowerConfig, seed: u64, theta_0: DVector<f64>) -> Self {
-        Power { config, seed, mean: theta_0, elites: Vec::new(), n_told: 0, factors: None }
+    pub fn new(config: PowerConfig, seed: u64, space: Space) -> Self {
+        let mean = space.theta_0;
+        Power { config, seed, mean, elites: Vec::new(), n_told: 0, factors: None }
     }
 
     /// Standard deviation of the isotropic part of the distribution of `rollout`.

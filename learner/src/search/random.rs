@@ -4,7 +4,8 @@ use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
 
 use super::normals::{standard_normal, stream};
-use super::{Search, SearchSnapshot};
+use super::{Search, SearchSnapshot, Space};
+use crate::range::{Range, range};
 use crate::trial::{Proposal, Trial};
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -20,6 +21,13 @@ impl Default for RandomConfig {
     }
 }
 
+impl RandomConfig {
+    /// Settings and their ranges.
+    pub fn ranges(&self) -> Vec<Range> {
+        vec![range("std", self.std, 0.0, 100.0)]
+    }
+}
+
 /// θ ~ 𝒩(θ₀, σ²I); it never learns.
 pub struct Random {
     config: RandomConfig,
@@ -28,8 +36,8 @@ pub struct Random {
 }
 
 impl Random {
-    pub fn new(config: RandomConfig, seed: u64, theta_0: DVector<f64>) -> Self {
-        Random { config, seed, theta_0 }
+    pub fn new(config: RandomConfig, seed: u64, space: Space) -> Self {
+        Random { config, seed, theta_0: space.theta_0 }
     }
 }
 
@@ -63,10 +71,15 @@ mod tests {
     #[test]
     fn samples_around_the_start_and_ignores_rewards() {
         let start = DVector::from_element(2000, 3.0);
-        let mut search = Random::new(RandomConfig { std: 0.5 }, 1, start.clone());
+        let mut search = Random::new(RandomConfig { std: 0.5 }, 1, Space::white(start.clone()));
         assert_eq!(search.ask(1).theta, start);
         let before = search.ask(2);
-        search.tell(&Trial { rollout: 2, theta: before.theta.clone(), reward: 9.0 });
+        search.tell(&Trial {
+            rollout: 2,
+            theta: before.theta.clone(),
+            reward: 9.0,
+            success: false,
+        });
         assert_eq!(search.ask(2), before);
         let deviation = &before.theta - &start;
         assert!((deviation.norm() / 2000_f64.sqrt() - 0.5).abs() < 0.03);

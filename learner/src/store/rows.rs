@@ -51,7 +51,8 @@ impl TrialRecord {
     }
 
     pub fn trial(&self) -> Trial {
-        Trial { rollout: self.rollout, theta: self.theta.clone(), reward: self.reward }
+        let (rollout, theta, reward) = (self.rollout, self.theta.clone(), self.reward);
+        Trial { rollout, theta, reward, success: self.success() }
     }
 }
 

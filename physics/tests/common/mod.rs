@@ -15,6 +15,15 @@ pub fn project_path(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path)
 }
 
+/// A file of reference vectors; `SKILLET_VECTORS` names another directory.
+pub fn vectors<T: serde::de::DeserializeOwned>(file: &str) -> T {
+    let directory = std::env::var_os("SKILLET_VECTORS")
+        .map_or_else(|| project_path("tests/vectors"), PathBuf::from);
+    let path = directory.join(file);
+    let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{path:?}: {e}"));
+    serde_json::from_str(&text).unwrap_or_else(|e| panic!("{path:?}: {e}"))
+}
+
 /// The WAM carrying the pan, tip in the pan.
 pub fn wam_with_pan() -> ArmModel {
     wam("wam7_pan.urdf", "pan")

@@ -59,6 +59,7 @@ fn trials(thetas: &[Vec<f64>], rewards: &[f64]) -> Vec<Trial> {
         rollout: i as u64 + 1,
         theta: DVector::from_vec(theta.clone()),
         reward,
+        success: false,
     };
     thetas.iter().enumerate().zip(rewards).map(trial).collect()
 }
@@ -84,11 +85,11 @@ fn hill(theta: &DVector<f64>) -> f64 {
 }
 
 fn run(config: PowerConfig, seed: u64, n: u64, reward: impl Fn(&DVector<f64>) -> f64) -> Power {
-    let mut search = Power::new(config, seed, DVector::zeros(12));
+    let mut search = Power::new(config, seed, Space::white(DVector::zeros(12)));
     for rollout in 1..=n {
         let Proposal { theta, .. } = search.ask(rollout);
         let reward = reward(&theta);
-        search.tell(&Trial { rollout, theta, reward });
+        search.tell(&Trial { rollout, theta, reward, success: false });
     }
     search
 }
@@ -101,7 +102,7 @@ fn sampler_has_the_covariance_of_eq_6() {
     let old_mean = search.mean().clone();
     let Proposal { theta, .. } = search.ask(30);
     let reward = hill(&theta);
-    search.tell(&Trial { rollout: 30, theta, reward });
+    search.tell(&Trial { rollout: 30, theta, reward, success: false });
 
     let factors = search.factors.as_ref().unwrap();
     let mut f = DMatrix::zeros(12, factors.len() + 12);
@@ -148,8 +149,11 @@ fn the_order_of_trials_does_not_matter() {
     let rewards = [0.5, 0.1, 0.9, 0.5, 0.0, 0.7, 0.5, 0.2, 0.3];
     let told = trials(&thetas, &rewards);
     let update = |order: Vec<Trial>| {
-        let mut search =
-            Power::new(PowerConfig { n_elites: 4, n_initial: 8, ..plain() }, 1, DVector::zeros(2));
+        let mut search = Power::new(
+            PowerConfig { n_elites: 4, n_initial: 8, ..plain() },
+            1,
+            Space::white(DVector::zeros(2)),
+        );
         order.iter().for_each(|trial| search.tell(trial));
         search.snapshot(10)
     };

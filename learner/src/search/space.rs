@@ -1,0 +1,110 @@
+//! What a search is told about its space before the first trial.
+
+use nalgebra::{DMatrix, DVector};
+use thiserror::Error;
+
+/// A box that is known to hold the solutions: D numbers each.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Bounds {
+    pub min: DVector<f64>,
+    pub max: DVector<f64>,
+}
+
+/// Why numbers make no box.
+#[derive(Debug, Error, PartialEq)]
+pub enum BoundsError {
+    #[error(
+        "the box has {min} minima and {max} maxima for {dim} parameters: give one of each a parameter"
+    )]
+    Length { dim: usize, min: usize, max: usize },
+    #[error(
+        "the box is empty in parameter {index}: [{min}, {max}]; give finite numbers, min < max"
+    )]
+    Empty { index: usize, min: f64, max: f64 },
+}
+
+impl Bounds {
+    /// A box of `dim` parameters.
+    pub fn new(dim: usize, min: &[f64], max: &[f64]) -> Result<Bounds, BoundsError> {
+        if min.len() != dim || max.len() != dim {
+            return Err(BoundsError::Length { dim, min: min.len(), max: max.len() });
+        }
+        for (index, (&min, &max)) in min.iter().zip(max).enumerate() {
+            if !(min.is_finite() && max.is_finite() && min < max) {
+                return Err(BoundsError::Empty { index, min, max });
+            }
+        }
+        Ok(Bounds { min: DVector::from_column_slice(min), max: DVector::from_column_slice(max) })
+    }
+
+    pub fn dim(&self) -> usize {
+        self.min.len()
+    }
+
+    pub fn contains(&self, theta: &DVector<f64>) -> bool {
+        (0..self.dim()).all(|i| (self.min[i]..=self.max[i]).contains(&theta[i]))
+    }
+
+    /// The point of the box nearest to `theta`.
+    pub fn clamp(&self, theta: &DVector<f64>) -> DVector<f64> {
+        DVector::from_fn(self.dim(), |i, _| theta[i].clamp(self.min[i], self.max[i]))
+    }
+
+    /// A point given in fractions of the box, 0 to 1 each.
+    pub fn at(&self, fractions: &[f64]) -> DVector<f64> {
+        DVector::from_fn(self.dim(), |i, _| {
+            self.min[i] + fractions[i] * (self.max[i] - self.min[i])
+        })
+    }
+
+    /// Inverse of [`Bounds::at`].
+    pub fn fractions(&self, theta: &DVector<f64>) -> DVector<f64> {
+        DVector::from_fn(self.dim(), |i, _| (theta[i] - self.min[i]) / (self.max[i] - self.min[i]))
+    }
+}
+
+/// Where and how a search begins.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Space {
+    /// The start, D numbers.
+    pub theta_0: DVector<f64>,
+    /// L (D×k): noise of standard deviation s is s·L·z with z ~ 𝒩(0, I_k), and Σ = s²·L·Lᵀ.
+    /// The identity is white noise on every parameter; the columns of a structured L are
+    /// directions that mean something, and k may be far below D.
+    pub exploration: DMatrix<f64>,
+    pub bounds: Option<Bounds>,
+}
+
+impl Space {
+    /// White noise around `theta_0`, no box.
+    pub fn white(theta_0: DVector<f64>) -> Space {
+        let dim = theta_0.len();
+        Space { theta_0, exploration: DMatrix::identity(dim, dim), bounds: None }
+    }
+
+    pub fn dim(&self) -> usize {
+        self.theta_0.len()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_box_is_checked_and_maps_both_ways() {
+        let bounds = Bounds::new(2, &[-1.0, 0.0], &[1.0, 10.0]).unwrap();
+        let theta = bounds.at(&[0.25, 0.5]);
+        assert_eq!(theta.as_slice(), [-0.5, 5.0]);
+        assert_eq!(bounds.fractions(&theta).as_slice(), [0.25, 0.5]);
+        assert!(bounds.contains(&theta));
+        let outside = DVector::from_vec(vec![3.0, -1.0]);
+        assert!(!bounds.contains(&outside));
+        assert_eq!(bounds.clamp(&outside).as_slice(), [1.0, 0.0]);
+
+        let error = Bounds::new(2, &[0.0, 2.0], &[1.0, 2.0]).unwrap_err().to_string();
+        assert!(error.contains("parameter 1: [2, 2]"), "{error}");
+        assert!(Bounds::new(2, &[0.0], &[1.0, 2.0]).unwrap_err().to_string().contains("1 minima"));
+        assert!(Bounds::new(1, &[f64::NAN], &[1.0]).is_err());
+    }
+}
