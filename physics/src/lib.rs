@@ -29,6 +29,7 @@
 #![allow(non_snake_case)]
 #![forbid(unsafe_code)]
 
+pub mod action;
 pub mod arm;
 pub mod landscape;
 pub mod outcome;

@@ -1,5 +1,6 @@
 //! The search: proposes θ, learns from trials, and knows nothing of robots.
 
+mod ask_tell;
 mod config;
 pub mod normals;
 pub mod power;
@@ -8,6 +9,7 @@ mod space;
 
 use nalgebra::{DMatrix, DVector};
 
+pub use ask_tell::{AskTell, TellError};
 pub use config::{Method, SearchConfig};
 pub use space::{Bounds, BoundsError, Space};
 

@@ -41,6 +41,7 @@ fn record(rollout: u64) -> TrialRecord {
         applied_tick: u64::MAX,
         fault: 2,
         n_records: 25,
+        set_aside: false,
         outcome: OutcomeMsg {
             flags: OUTCOME_SUCCESS,
             apex_m: 0.7,
