@@ -36,3 +36,4 @@ pub mod outcome;
 pub mod pancake;
 pub mod plant;
 pub mod rapier;
+pub mod skittles;
