@@ -7,7 +7,7 @@ use learner::LearnerConfig;
 use learner::reward::RewardKind;
 use physics::arm::JointVector;
 use physics::pancake::{PancakeConfig, WAM7_START_POSTURE};
-use physics::skittles;
+use physics::skittles::{self, SkittlesConfig};
 use rt_controller::ControllerConfig;
 use serde::{Deserialize, Serialize};
 
@@ -79,6 +79,13 @@ impl Default for TaskConfig {
     fn default() -> Self {
         let target_m = skittles::TARGETS[0];
         TaskConfig { name: "pancake".into(), demonstration: None, target_m }
+    }
+}
+
+impl TaskConfig {
+    /// The world of the task skittles.
+    pub fn skittles(&self) -> SkittlesConfig {
+        SkittlesConfig { target: self.target_m, ..Default::default() }
     }
 }
 
@@ -193,8 +200,8 @@ impl Config {
         let text = std::fs::read_to_string(path).with_context(|| {
             format!("{}: cannot read the configuration; check the path", path.display())
         })?;
-        let mut config =
-            parse(&text).with_context(|| format!("{}: not a valid configuration", path.display()))?;
+        let mut config = parse(&text)
+            .with_context(|| format!("{}: not a valid configuration", path.display()))?;
         let folder = path.parent().unwrap_or(Path::new("."));
         for inner in [&mut config.task.demonstration, &mut config.plant.arm].into_iter().flatten() {
             *inner = folder.join(&*inner);
@@ -215,7 +222,7 @@ impl Config {
             bail!("task.name is '{name}': use pancake, landscape or skittles");
         }
         if name == "skittles" {
-            skittles::check_target(self.task.target_m).context("task.target_m")?;
+            self.task.skittles().validate().context("task.target_m")?;
         }
         let expected = if self.has_arm() { 0 } else { 2 };
         let found = self.learner.action.start.len();

@@ -72,12 +72,15 @@ pub fn assess(modes: &[Mode], trials: &[Trial], forbidden: &[DVector<f64>]) -> V
 }
 
 /// The mode to use: the preferred one of those that are allowed; `None` when none is.
-pub fn choose(reports: &[ModeReport], prefer: Prefer) -> Option<&ModeReport> {
+pub fn choose<'a>(
+    reports: impl IntoIterator<Item = &'a ModeReport>,
+    prefer: Prefer,
+) -> Option<&'a ModeReport> {
     let merit = |report: &ModeReport| match prefer {
         Prefer::Best => report.best.map(|(_, reward)| reward),
         Prefer::Tolerant => report.tolerance,
     };
-    let allowed = reports.iter().filter(|report| !report.forbidden);
+    let allowed = reports.into_iter().filter(|report| !report.forbidden);
     // The first of equals: the one with the highest prior.
     allowed.reduce(|a, b| if merit(b) > merit(a) { b } else { a })
 }

@@ -3,6 +3,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use nalgebra::Vector3;
 use physics::action::ActionWorld;
 use shm_types::cell::Cell;
 use shm_types::episode::{MAX_RECORDS, OutcomeMsg, TickRecord};
@@ -26,22 +27,30 @@ pub fn run_action<W: ActionWorld>(
     world: &W,
     stop: &AtomicBool,
 ) -> Result<RunSummary, RunError> {
-    let n_records = (world.duration_s() / PERIOD_S).ceil() as usize;
-    let admit = |message: &_| Ok((admit_action(message, world.dim())?, n_records.min(MAX_RECORDS)));
+    let admit = |message: &_| {
+        let action = admit_action(message, world.dim())?;
+        let path = world.path(&action.0[..world.dim()], PERIOD_S);
+        let n_records = path.len().min(MAX_RECORDS);
+        Ok(((action, path), n_records))
+    };
     let never = AtomicBool::new(false);
     let setup = Setup { admit: &admit, period_ns: PERIOD_NS, pace: Pace::Max, privileged: &never };
     serve(cell, setup, stop, |ends| execute(ends, world, stop))
 }
 
-fn execute<W: ActionWorld>(mut ends: Ends<Action>, world: &W, stop: &AtomicBool) {
+/// An action and the path of the tracked object under it.
+type Throw = (Action, Vec<Vector3<f64>>);
+
+fn execute<W: ActionWorld>(mut ends: Ends<Throw>, world: &W, stop: &AtomicBool) {
     let mut tick = 0;
     while !stop.load(Ordering::Relaxed) {
         let Ok(Job { policy, mut episode }) = ends.jobs.pop() else {
             std::thread::sleep(IDLE_SLEEP);
             continue;
         };
-        let action = &policy.0[..world.dim()];
-        let n_records = record(world, action, tick, episode.payload_mut());
+        let (Action(action), path) = policy;
+        let action = &action[..world.dim()];
+        let n_records = record(&path, tick, episode.payload_mut());
         let outcome = OutcomeMsg { value: world.measure(action), ..OutcomeMsg::ZERO };
         let done = Done { episode, n_records, applied_tick: tick, fault: 0, outcome };
         tick += n_records.max(1) as u64;
@@ -50,24 +59,17 @@ fn execute<W: ActionWorld>(mut ends: Ends<Action>, world: &W, stop: &AtomicBool)
     }
 }
 
-/// Writes the way of the tracked object; returns the records in use.
-fn record<W: ActionWorld>(
-    world: &W,
-    action: &[f64],
-    first_tick: u64,
-    records: &mut [TickRecord],
-) -> usize {
-    for (i, record) in records.iter_mut().enumerate() {
-        let t_s = i as f64 * PERIOD_S;
-        let Some(position) = world.object_at(action, t_s) else { return i };
+/// Writes the path of the tracked object; returns the records in use.
+fn record(path: &[Vector3<f64>], first_tick: u64, records: &mut [TickRecord]) -> usize {
+    for (i, (record, position)) in records.iter_mut().zip(path).enumerate() {
         *record = TickRecord {
             tick: first_tick + i as u64,
             phase: Phase::Execute as u32,
-            t_s,
-            object_position: position.into(),
+            t_s: i as f64 * PERIOD_S,
+            object_position: (*position).into(),
             object_quaternion: [1.0, 0.0, 0.0, 0.0],
             ..TickRecord::ZERO
         };
     }
-    records.len()
+    path.len().min(records.len())
 }
