@@ -1,5 +1,7 @@
 //! `skillet study`: many seeds in this process, tables with intervals, the paper's figures.
 
+mod landscape;
+mod literal;
 mod runner;
 mod sample;
 mod statistics;
@@ -23,7 +25,12 @@ pub struct Study {
 }
 
 /// Every study, in the order of `--help`.
-pub const STUDIES: &[Study] = &[];
+pub const STUDIES: &[Study] = &[Study {
+    name: "literal",
+    version: 1,
+    about: "Algorithm 1 as printed, on the landscape of Sec. 4.2",
+    run_seed: literal::run_seed,
+}];
 
 /// The table of a study.
 #[derive(Debug, Serialize)]

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::algorithm1::Algorithm1Config;
 use super::power::PowerConfig;
 use super::random::RandomConfig;
 use crate::range::{ConfigError, check};
@@ -14,6 +15,8 @@ pub enum Method {
     Power,
     /// Random search around the start.
     Random,
+    /// Mixture search with split and merge as printed, Algorithm 1.
+    Algorithm1,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -22,6 +25,7 @@ pub struct SearchConfig {
     pub method: Method,
     pub power: PowerConfig,
     pub random: RandomConfig,
+    pub algorithm1: Algorithm1Config,
 }
 
 impl Default for SearchConfig {
@@ -30,6 +34,7 @@ impl Default for SearchConfig {
             method: Method::Power,
             power: PowerConfig::default(),
             random: RandomConfig::default(),
+            algorithm1: Algorithm1Config::default(),
         }
     }
 }
@@ -39,6 +44,7 @@ impl SearchConfig {
     pub fn validate(&self) -> Result<(), ConfigError> {
         check("search.power.", &self.power.ranges())?;
         check("search.random.", &self.random.ranges())?;
+        check("search.algorithm1.", &self.algorithm1.ranges())?;
         Ok(())
     }
 }

@@ -1,11 +1,17 @@
 //! The search: proposes θ, learns from trials, and knows nothing of robots.
 
+pub mod algorithm1;
 mod ask_tell;
 mod config;
+pub mod gaussian;
+pub mod mixture;
 pub mod normals;
 pub mod power;
 pub mod random;
 mod space;
+pub mod split_merge;
+#[cfg(test)]
+mod vectors;
 
 use nalgebra::{DMatrix, DVector};
 
@@ -63,6 +69,7 @@ pub struct SearchSnapshot {
 /// The configured search in `space`.
 pub fn build(config: &SearchConfig, seed: u64, space: Space) -> Box<dyn Search> {
     match config.method {
+        Method::Algorithm1 => Box::new(algorithm1::Algorithm1::new(config.algorithm1, seed, space)),
         Method::Power => Box::new(power::Power::new(config.power, seed, space)),
         Method::Random => Box::new(random::Random::new(config.random, seed, space)),
     }
