@@ -278,7 +278,8 @@ Examples:
 
 Seeds that are done are kept in --out; the same command goes on where it was stopped.")]
 pub struct StudyArgs {
-    pub name: String,
+    /// Name of the study; without one, all are listed
+    pub name: Option<String>,
     /// How many seeds
     #[arg(long, default_value = "20")]
     pub seeds: NonZero<u64>,

@@ -174,6 +174,7 @@ impl Learner {
             // What is not durable was not learnt.
             self.search = replay(&self.config, &self.space, &self.trials)
                 .expect("these trials were reproduced before");
+            self.search.ask(trial.rollout);
             return Err(CompleteError::Learner(error.into()));
         }
         self.pending = None;

@@ -218,6 +218,31 @@ fn a_trial_that_could_not_be_stored_was_not_learnt() {
 }
 
 #[test]
+fn a_rollout_set_aside_is_counted_and_not_learnt_and_the_session_resumes() {
+    let directory = TempDir::new().unwrap();
+    let mut learner = create(directory.path(), config(3));
+    run(&mut learner, 12);
+    let before = mode_policy(&mut learner);
+    let policy = learner.next_policy().unwrap();
+    let (header, records) = execute(&policy);
+    let outcome = OutcomeMsg { apex_m: f64::NAN, ..header.outcome };
+    let error = learner.complete(&policy, &EpisodeHeader { outcome, ..header }, &records);
+    assert!(matches!(error, Err(CompleteError::Invalid(_))));
+    assert!(learner.set_aside("apex_m is NaN").unwrap().set_aside);
+
+    assert_eq!((learner.durable_rollout(), learner.summary().set_aside), (13, 1));
+    let after = mode_policy(&mut learner);
+    assert_eq!(after.digest, before.digest, "nothing was learnt");
+    run(&mut learner, 20);
+    let next = learner.next_policy().unwrap();
+    drop(learner);
+    let mut resumed = Learner::resume(directory.path(), "pancake", &config(3)).unwrap();
+    assert_eq!(resumed.next_policy().unwrap(), next);
+    let events = resumed.store().events().unwrap();
+    assert!(events.iter().any(|event| event.text == "rollout 13: apex_m is NaN"));
+}
+
+#[test]
 fn resumes_only_with_its_own_task_configuration_and_history() {
     let directory = TempDir::new().unwrap();
     let mut learner = create(directory.path(), config(3));

@@ -12,6 +12,7 @@ use crate::Verdict;
 use crate::cli::PreferArg;
 use crate::config::Config;
 use crate::output::{print, print_json};
+use crate::report::ModeRow;
 use crate::session_folder::SessionFolder;
 
 /// A session at rest, and which mode it prefers.
@@ -54,6 +55,28 @@ pub fn summary(session: &Path) -> Result<Vec<serde_json::Value>> {
     Ok(found.modes.iter().map(|mode| row(mode, answer)).collect())
 }
 
+/// The modes of a session, for its report.
+pub fn rows(session: &Path) -> Result<Vec<ModeRow>> {
+    let found = Found::open(session, None)?;
+    let answer = found.answer();
+    let row = |(report, _): (ModeReport, PolicyMsg)| ModeRow {
+        remark: remark(&report, answer),
+        number: report.number,
+        best: report.best,
+        tolerance: report.tolerance,
+        mode: report.mode,
+    };
+    Ok(found.modes.into_iter().map(row).collect())
+}
+
+fn remark(report: &ModeReport, answer: Option<usize>) -> &'static str {
+    match (answer == Some(report.number), report.forbidden) {
+        (true, _) => "the answer",
+        (_, true) => "forbidden",
+        _ => "",
+    }
+}
+
 pub fn list(session: &Path, prefer: Option<PreferArg>, as_json: bool) -> Result<Verdict> {
     let found = Found::open(session, prefer)?;
     let answer = found.answer();
@@ -67,7 +90,7 @@ pub fn list(session: &Path, prefer: Option<PreferArg>, as_json: bool) -> Result<
         let number = |value: Option<f64>| value.map_or("–".into(), |value| format!("{value:.4}"));
         let best = report.best;
         text += &format!(
-            "{:4}  {:5.3}  {:6}  {:>11}  {:>10}  {:>9}  {}{}\n",
+            "{:4}  {:5.3}  {:6}  {:>11}  {:>10}  {:>9}  {}  {}\n",
             report.number,
             report.mode.prior,
             report.n_trials,
@@ -75,11 +98,7 @@ pub fn list(session: &Path, prefer: Option<PreferArg>, as_json: bool) -> Result<
             best.map_or("–".into(), |(rollout, _)| rollout.to_string()),
             number(report.tolerance),
             policy.policy_id,
-            match (answer == Some(report.number), report.forbidden) {
-                (true, _) => "  the answer",
-                (_, true) => "  forbidden",
-                _ => "",
-            }
+            remark(report, answer)
         );
     }
     text += "tolerance: expected reward when executed with the noise common to the modes\n";

@@ -6,12 +6,19 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use learner::store::{Store, TrialRecord};
 use learner::summary::Summary;
+use nalgebra::Vector2;
+use physics::action::ActionWorld;
+use physics::{landscape, skittles};
 use serde_json::json;
+use shm_types::episode::OutcomeMsg;
 
+use super::modes;
 use crate::Verdict;
 use crate::cli::ReportArgs;
+use crate::config::Config;
 use crate::output::{print, print_json};
-use crate::report::{self, ReportData, TrialRow};
+use crate::report::plot::Axis;
+use crate::report::{self, Plane, ReportData, TrialRow};
 use crate::session_folder::SessionFolder;
 
 pub fn run(args: &ReportArgs) -> Result<Verdict> {
@@ -27,7 +34,8 @@ pub fn run(args: &ReportArgs) -> Result<Verdict> {
 
 /// Writes `report/index.html` and the figures beside it; returns the page.
 pub fn write(folder: &SessionFolder, notes: &[(String, String)]) -> Result<PathBuf> {
-    let data = gather(folder, notes)?;
+    let mut data = gather(folder, notes)?;
+    data.plane = plane(folder)?;
     let dir = folder.report_dir();
     let write = |name: &str, text: &str| -> Result<PathBuf> {
         let path = dir.join(name);
@@ -64,8 +72,9 @@ fn gather(folder: &SessionFolder, notes: &[(String, String)]) -> Result<ReportDa
         // Rollout 1 executes the initial policy itself.
         initial_path: store.path(1)?.unwrap_or_default(),
         learnt_path: store.path(learnt_rollout)?.unwrap_or_default(),
-        learnt_outcome: outcome_of(learnt_rollout).unwrap_or(shm_types::episode::OutcomeMsg::ZERO),
+        learnt_outcome: outcome_of(learnt_rollout).unwrap_or(OutcomeMsg::ZERO),
         notes: notes.to_vec(),
+        plane: None,
         trials: trials
             .iter()
             .map(|trial| TrialRow {
@@ -77,6 +86,34 @@ fn gather(folder: &SessionFolder, notes: &[(String, String)]) -> Result<ReportDa
             })
             .collect(),
     })
+}
+
+/// What a task without an arm shows.
+fn plane(folder: &SessionFolder) -> Result<Option<Plane>> {
+    let config = Config::load(Some(&folder.config_path()))?;
+    let axis = |label, min, max| Axis { label, min, max };
+    let (x, y, reward, max): (_, _, Box<dyn Fn(&Vector2<f64>) -> f64>, _) =
+        match config.task.name.as_str() {
+            "landscape" => {
+                let (x, y) = (axis("Θ₁", -1.0, 11.0), axis("Θ₂", -1.0, 11.0));
+                (x, y, Box::new(landscape::height), landscape::PEAK_VALUE)
+            }
+            "skittles" => {
+                let world = config.task.skittles();
+                let reward = config.learner.reward;
+                let of = move |theta: &Vector2<f64>| {
+                    let value = world.measure(theta.as_slice());
+                    reward.reward(&OutcomeMsg { value, ..OutcomeMsg::ZERO })
+                };
+                let (min, max) = skittles::BOX;
+                let (x, y) = (axis("α rad", min[0], max[0]), axis("α̇ rad/s", min[1], max[1]));
+                (x, y, Box::new(of), 1.0)
+            }
+            _ => return Ok(None),
+        };
+    let store = open(folder.dir(), &folder.database())?;
+    let trials = store.trials()?.iter().map(|trial| [trial.theta[0], trial.theta[1]]).collect();
+    Ok(Some(Plane { x, y, reward, max, trials, modes: modes::rows(folder.dir())? }))
 }
 
 /// The rollout shown as "learnt": the best caught flip, or the best reward when there is none.

@@ -3,31 +3,41 @@
 use std::num::NonZero;
 
 use anyhow::{Result, bail};
+use serde_json::json;
 
 use crate::Verdict;
 use crate::cli::StudyArgs;
 use crate::output::{print, print_json};
 use crate::setup;
-use crate::study::{self, STUDIES, Table};
+use crate::study::{self, Outcome, Request, STUDIES, Table};
 
 pub fn run(args: &StudyArgs) -> Result<Verdict> {
-    let Some(study) = STUDIES.iter().find(|study| study.name == args.name) else {
-        let names: Vec<&str> = STUDIES.iter().map(|study| study.name).collect();
-        bail!("study '{}' is not known: use one of {}", args.name, names.join(", "));
+    let Some(name) = &args.name else {
+        print(&list())?;
+        return Ok(Verdict::Done);
+    };
+    let Some(study) = STUDIES.iter().find(|study| study.name == *name) else {
+        bail!("study '{name}' is not known: use one of\n{}", list());
     };
     let stop = setup::stop_flag()?;
     let threads = args
         .threads
         .map_or_else(|| std::thread::available_parallelism().map_or(1, NonZero::get), NonZero::get);
-    let table = study::table(study, args.first_seed, args.seeds.get(), threads, &args.out, &stop)?;
-    let Some(table) = table else {
-        eprintln!("stopped; the seeds that are done are kept, the same command goes on");
-        return Ok(Verdict::Negative);
-    };
-    if args.json {
-        print_json(&table)?;
-    } else {
-        print(&as_text(&table))?;
+    let request =
+        Request { first_seed: args.first_seed, seeds: args.seeds.get(), threads, out: &args.out };
+    match study::run(study, &request, &stop)? {
+        Outcome::Table { table, .. } if args.json => print_json(&table)?,
+        Outcome::Table { table, figure } => {
+            print(&format!("{}figure  {}\n", as_text(&table), figure.display()))?;
+        }
+        Outcome::Figure { figure } if args.json => {
+            print_json(&json!({ "study": study.name, "figure": figure }))?;
+        }
+        Outcome::Figure { figure } => print(&format!("{}\n", figure.display()))?,
+        Outcome::Stopped => {
+            eprintln!("stopped; the seeds that are done are kept, the same command goes on");
+            return Ok(Verdict::Negative);
+        }
     }
     Ok(Verdict::Done)
 }
@@ -49,4 +59,10 @@ fn as_text(table: &Table) -> String {
         );
     }
     text
+}
+
+/// Name and purpose of every study, a line each.
+fn list() -> String {
+    let line = |study: &study::Study| format!("  {:14} {}\n", study.name, study.about);
+    STUDIES.iter().map(line).collect()
 }

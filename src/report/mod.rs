@@ -8,12 +8,15 @@
 //! Everything is drawn from [`ReportData`]; what the data lacks is named in place of the figure.
 //! The page needs no script and no other file.
 
+mod actions;
 mod attractors;
 mod coordinates;
-mod figure;
+pub mod figure;
+pub mod map;
 mod outcomes;
 mod page;
-mod plot;
+mod plane;
+pub mod plot;
 mod reward;
 #[cfg(test)]
 mod sample;
@@ -22,13 +25,14 @@ mod stiffness;
 mod strip;
 mod style;
 mod summary;
-mod svg;
+pub mod svg;
 
 use learner::path::PathRow;
 use shm_types::episode::OutcomeMsg;
 use shm_types::policy::PolicyMsg;
 
 use figure::Figure;
+pub use plane::{ModeRow, Plane};
 
 /// What a report shows.
 pub struct ReportData {
@@ -49,6 +53,8 @@ pub struct ReportData {
     pub learnt_outcome: OutcomeMsg,
     /// Further names and values for the summary.
     pub notes: Vec<(String, String)>,
+    /// Instead of a flip: what a task without an arm shows.
+    pub plane: Option<Plane>,
 }
 
 /// One rollout as the report shows it.
@@ -63,7 +69,10 @@ pub struct TrialRow {
 
 /// The complete page.
 pub fn render(data: &ReportData) -> String {
-    page::html(data, &all_figures(data))
+    match &data.plane {
+        Some(plane) => actions::html(data, plane, &all_figures(data)),
+        None => page::html(data, &all_figures(data)),
+    }
 }
 
 /// File stem and content of every figure the data allows.
@@ -72,8 +81,11 @@ pub fn figures(data: &ReportData) -> Vec<(&'static str, String)> {
     figures.iter().filter_map(|figure| Some((figure.stem, figure.svg()?))).collect()
 }
 
-fn all_figures(data: &ReportData) -> [Figure; 6] {
-    [
+fn all_figures(data: &ReportData) -> Vec<Figure> {
+    if let Some(plane) = &data.plane {
+        return vec![plane::figure(plane), reward::figure(data)];
+    }
+    vec![
         reward::figure(data),
         strip::figure(data),
         stiffness::figure(data),

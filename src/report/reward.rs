@@ -14,31 +14,33 @@ const LEGEND: [Entry; 4] = [
     (Key::Line, "best", "best so far"),
     (Key::Line, "mean", "mean of the last 10"),
 ];
+/// For a task that knows no success.
+const PLAIN_LEGEND: [Entry; 3] = [(Key::Dot, "dot failure", "trial"), LEGEND[2], LEGEND[3]];
 
 pub fn figure(data: &ReportData) -> Figure {
     let rows = if data.trials.is_empty() {
         Err("the session has no rollout yet.".to_owned())
     } else {
-        Ok(vec![Row::wide(|width| draw(&data.trials, width))])
+        let legend = if data.plane.is_some() { &PLAIN_LEGEND[..] } else { &LEGEND };
+        Ok(vec![Row::wide(|width| draw(&data.trials, legend, width))])
     };
-    Figure {
-        stem: "reward",
-        title: "Reward over the rollouts",
-        caption: "Every rollout earns a reward for flip angle, nearness of pan and pancake, and \
-                  height. One point per rollout, filled where the pancake was flipped and caught."
-            .to_owned(),
-        rows,
-    }
+    let caption = if data.plane.is_some() {
+        "One point per rollout."
+    } else {
+        "Every rollout earns a reward for flip angle, nearness of pan and pancake, and height. One \
+         point per rollout, filled where the pancake was flipped and caught."
+    };
+    Figure { stem: "reward", title: "Reward over the rollouts", caption: caption.to_owned(), rows }
 }
 
-fn draw(trials: &[TrialRow], width: f64) -> Panel {
+fn draw(trials: &[TrialRow], legend: &[Entry], width: f64) -> Panel {
     let rollouts = || trials.iter().map(|trial| trial.rollout as f64);
     let x = Axis::rollouts(trials.iter().map(|trial| trial.rollout));
     // Some room at the top, for the name of the first success.
     let y = Axis::rounded("reward", trials.iter().map(|trial| 1.1 * trial.reward).chain([0.0]));
     let successes = trials.iter().filter(|trial| trial.success).count();
-    let alt = format!("Reward of {} rollouts, {successes} with a caught flip", trials.len());
-    let mut plot = Plot::new((width, 300.0), &alt, x, y, &LEGEND);
+    let alt = format!("Reward of {} rollouts, {successes} successful", trials.len());
+    let mut plot = Plot::new((width, 300.0), &alt, x, y, legend);
 
     let best = best_so_far(trials);
     plot.curve(steps(&rollouts().zip(best).collect::<Vec<_>>()), "best");
@@ -103,7 +105,7 @@ mod tests {
     #[test]
     fn draws_one_point_per_rollout() {
         let data = sample::session(40);
-        let svg = draw(&data.trials, NARROW).inline();
+        let svg = draw(&data.trials, &LEGEND, NARROW).inline();
         let points = svg.matches("dot success").count() + svg.matches("dot failure").count();
         assert_eq!(points, 40 + 2, "forty points and two in the legend");
     }

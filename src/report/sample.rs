@@ -52,6 +52,7 @@ pub fn session(n: u64) -> ReportData {
         learnt_path,
         learnt_outcome,
         notes: vec![("rollouts per second".into(), "4.2".into())],
+        plane: None,
     }
 }
 

@@ -47,6 +47,15 @@ svg .o5{fill:#dc6262;stroke:#dc6262}
 svg .o6{fill:#df7f41;stroke:#df7f41}
 svg .o7{fill:#d99a1f;stroke:#d99a1f}
 svg .ellipse.start{fill:none;stroke:var(--initial);stroke-dasharray:2 2}
+svg .heat{fill:var(--top);stroke:none}
+svg .h1{fill-opacity:.08}
+svg .h2{fill-opacity:.18}
+svg .h3{fill-opacity:.29}
+svg .h4{fill-opacity:.41}
+svg .h5{fill-opacity:.54}
+svg .h6{fill-opacity:.68}
+svg .h7{fill-opacity:.83}
+svg .h8{fill-opacity:.98}
 svg .frame{fill:none;stroke:var(--grid)}
 svg .line.trail{stroke:var(--initial);stroke-width:1px;stroke-dasharray:1 3}
 svg .line.travelled{stroke:var(--best);stroke-width:1.2px}

@@ -1,36 +1,66 @@
 //! `skillet study`: many seeds in this process, tables with intervals, the paper's figures.
 
+mod figures;
 mod landscape;
 mod literal;
 mod runner;
+mod runs;
 mod sample;
 mod statistics;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use anyhow::{Context, Result};
 use serde::Serialize;
 
+use crate::report::figure::Figure;
+use figures::{fig5, fig6, fig7, fig8};
 pub use sample::Sample;
 pub use statistics::Row;
 
-/// A study that has a table: what one seed does.
+/// What `skillet study NAME` does.
 pub struct Study {
     pub name: &'static str,
-    /// Raised whenever the same seed gives other numbers than before.
-    pub version: u32,
     pub about: &'static str,
-    pub run_seed: fn(u64) -> Result<Vec<Sample>>,
+    pub kind: Kind,
+}
+
+pub enum Kind {
+    /// Numbers over many seeds.
+    Table {
+        /// Raised whenever the same seed gives other numbers than before.
+        version: u32,
+        run_seed: fn(u64) -> Result<Vec<Sample>>,
+    },
+    /// A figure of one run, that of the first seed.
+    Figure(fn(u64) -> Result<Figure>),
+}
+
+const fn table_of(
+    name: &'static str,
+    about: &'static str,
+    version: u32,
+    run_seed: fn(u64) -> Result<Vec<Sample>>,
+) -> Study {
+    Study { name, about, kind: Kind::Table { version, run_seed } }
+}
+
+const fn figure_of(
+    name: &'static str,
+    about: &'static str,
+    draw: fn(u64) -> Result<Figure>,
+) -> Study {
+    Study { name, about, kind: Kind::Figure(draw) }
 }
 
 /// Every study, in the order of `--help`.
-pub const STUDIES: &[Study] = &[Study {
-    name: "literal",
-    version: 1,
-    about: "Algorithm 1 as printed, on the landscape of Sec. 4.2",
-    run_seed: literal::run_seed,
-}];
+pub const STUDIES: &[Study] = &[
+    figure_of("fig5", "several optima and what a gradient finds", fig5::figure),
+    figure_of("fig6", "splitting a Gaussian, Eq. (9)", |_| fig6::figure()),
+    figure_of("fig7", "a run on the landscape", fig7::figure),
+    figure_of("fig8", "runs on the skittles", fig8::figure),
+];
 
 /// The table of a study.
 #[derive(Debug, Serialize)]
@@ -41,27 +71,56 @@ pub struct Table {
     pub rows: Vec<Row>,
 }
 
-/// Runs `seeds` seeds from `first_seed` on; `None` when stopped before the last.
-pub fn table(
-    study: &Study,
-    first_seed: u64,
-    seeds: u64,
-    threads: usize,
-    out: &std::path::Path,
-    stop: &AtomicBool,
-) -> Result<Option<Table>> {
+/// What came out of a study.
+pub enum Outcome {
+    Table {
+        table: Table,
+        figure: PathBuf,
+    },
+    Figure {
+        figure: PathBuf,
+    },
+    /// Stopped before the last seed.
+    Stopped,
+}
+
+/// Which seeds, where to and how.
+pub struct Request<'a> {
+    pub first_seed: u64,
+    pub seeds: u64,
+    pub threads: usize,
+    pub out: &'a Path,
+}
+
+/// Runs a study and writes its figure into the folder of the results.
+pub fn run(study: &Study, request: &Request, stop: &AtomicBool) -> Result<Outcome> {
+    let Request { first_seed, seeds, threads, out } = *request;
     std::fs::create_dir_all(out)
         .with_context(|| format!("{}: cannot create the folder", out.display()))?;
-    let results: PathBuf = out.join(format!("{}.jsonl", study.name));
+    let (version, run_seed) = match &study.kind {
+        Kind::Figure(draw) => {
+            return Ok(Outcome::Figure { figure: write(out, &draw(first_seed)?)? });
+        }
+        Kind::Table { version, run_seed } => (*version, run_seed),
+    };
     let plan = runner::Plan {
         study: study.name,
-        version: study.version,
+        version,
         seeds: first_seed..first_seed + seeds,
         threads,
-        results,
-        run_seed: &study.run_seed,
+        results: out.join(format!("{}.jsonl", study.name)),
+        run_seed,
     };
-    let Some(samples) = runner::run(&plan, stop)? else { return Ok(None) };
+    let Some(samples) = runner::run(&plan, stop)? else { return Ok(Outcome::Stopped) };
     let rows = statistics::rows(&samples);
-    Ok(Some(Table { study: study.name.into(), seeds, first_seed, rows }))
+    let table = Table { study: study.name.into(), seeds, first_seed, rows };
+    let figure = write(out, &figures::rates::figure(&table, study.name, study.about))?;
+    Ok(Outcome::Table { table, figure })
+}
+
+fn write(out: &Path, figure: &Figure) -> Result<PathBuf> {
+    let path = out.join(format!("{}.svg", figure.stem));
+    let svg = figure.svg().with_context(|| format!("{} could not be drawn", figure.stem))?;
+    std::fs::write(&path, svg).with_context(|| format!("{}: cannot write", path.display()))?;
+    Ok(path)
 }

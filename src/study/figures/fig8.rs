@@ -1,0 +1,62 @@
+//! Fig. 8: table skittles, where the number of solutions depends on where the skittle stands.
+
+use anyhow::Result;
+use learner::search::Method;
+use nalgebra::Vector2;
+use physics::skittles::{BOX, SkittlesConfig, TARGETS, Throw};
+
+use crate::report::figure::{Figure, Row, THIRD};
+use crate::report::map::{Map, draw_mode};
+use crate::report::plot::Axis;
+use crate::report::svg::Panel;
+use crate::study::runs::{LAMBDA, Run, skittles_run};
+
+const TRIALS: u64 = 200;
+
+pub fn figure(seed: u64) -> Result<Figure> {
+    let mut landscapes = Vec::new();
+    let mut results = Vec::new();
+    for (target, name) in TARGETS.into_iter().zip([
+        "α̇ rad/s, skittle at (0.3, 1.4)",
+        "α̇ rad/s, skittle at (1.2, 0)",
+        "α̇ rad/s, skittle at (0.8, 0.8)",
+    ]) {
+        let world = SkittlesConfig { target, ..Default::default() };
+        landscapes.push(panel(&world, name, None));
+        let run = skittles_run(Method::Regions, target, seed, TRIALS)?;
+        results.push(panel(&world, name, Some(&run)));
+    }
+    Ok(Figure {
+        stem: "fig8",
+        title: "Table skittles: one solution or two",
+        caption: format!(
+            "Seed {seed}. Above: reward exp(−3 d) over release angle and angular velocity, for three \
+             places of the skittle. Below: the {TRIALS} trials of the search (open dots) and the \
+             solution regions it reports, centre and covariance of the good trials in each."
+        ),
+        rows: Ok(vec![Row::Thirds(landscapes), Row::Thirds(results)]),
+    })
+}
+
+fn panel(world: &SkittlesConfig, name: &'static str, run: Option<&Run>) -> Panel {
+    let reward = |theta: &Vector2<f64>| {
+        let throw = Throw { alpha: theta.x, alpha_dot: theta.y };
+        (-LAMBDA * world.fly(&throw).distance_m).exp()
+    };
+    let map = Map {
+        x: Axis { label: "α rad", min: BOX.0[0], max: BOX.1[0] },
+        y: Axis { label: name, min: BOX.0[1], max: BOX.1[1] },
+        reward: &reward,
+        max: 1.0,
+    };
+    let mut plot = map.draw((THIRD, 300.0), name, &[]);
+    if let Some(run) = run {
+        for trial in &run.trials {
+            plot.dot(trial.theta[0], trial.theta[1], 1.8, "dot failure");
+        }
+        for mode in run.modes.last().into_iter().flatten() {
+            draw_mode(&mut plot, mode, "best");
+        }
+    }
+    plot.panel
+}

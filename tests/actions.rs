@@ -1,0 +1,89 @@
+//! Tasks without an arm, learnt live through both processes; modes chosen and forbidden.
+
+mod util;
+
+use serde_json::Value;
+use util::{Bench, bits};
+
+#[test]
+fn skittles_come_out_the_same_twice_and_resumed() {
+    let bench = Bench::new();
+    let learn = |out: &str, rollouts: &str| {
+        let arguments =
+            ["learn", "skittles", "--target", "1.2,0.0", "--rollouts", rollouts, "--out", out];
+        bench.ok(&[&arguments[..], &["--json"]].concat())
+    };
+    let summary: Value = serde_json::from_str(&learn("a", "60")).unwrap();
+    assert_eq!((&summary["task"], &summary["rollouts"]), (&"skittles".into(), &60.into()));
+    assert!(summary["modes"].as_array().is_some_and(|modes| !modes.is_empty()));
+    learn("b", "25");
+    learn("b", "60");
+    assert_eq!(bits(&bench.trials("a")), bits(&bench.trials("b")));
+
+    let trials = bench.trials("a");
+    // The world measured a distance, the learner judged it.
+    for trial in &trials {
+        assert_eq!(trial.reward, (-3.0 * trial.outcome.value).exp());
+        assert!(trial.outcome.value > 0.0 && trial.n_records > 100);
+    }
+    let page = util::text(&bench.path("a/report/index.html"));
+    assert!(page.contains("<svg") && !page.contains("NaN") && !page.contains("flip"));
+}
+
+#[test]
+fn the_landscape_measures_its_own_reward() {
+    let bench = Bench::new();
+    bench.ok(&["learn", "landscape", "--rollouts", "30", "--out", "s"]);
+    for trial in bench.trials("s") {
+        let theta = nalgebra::Vector2::new(trial.theta[0], trial.theta[1]);
+        assert_eq!(trial.reward, physics::landscape::height(&theta));
+    }
+}
+
+#[test]
+fn a_forbidden_mode_gives_way_and_comes_back() {
+    let bench = Bench::new();
+    bench.ok(&["learn", "skittles", "--target", "1.2,0.0", "--out", "s"]);
+    let modes = || -> Vec<Value> {
+        serde_json::from_str(&bench.ok(&["policy", "modes", "s", "--json"])).unwrap()
+    };
+    let answer = |modes: &[Value]| {
+        modes.iter().find(|mode| mode["answer"] == true).map(|mode| mode["mode"].as_u64().unwrap())
+    };
+    let found = modes();
+    assert!(found.len() >= 2, "this skittle can be hit in two ways: {found:?}");
+    let first = answer(&found).unwrap();
+    let exported = bench.ok(&["policy", "export", "s"]);
+
+    bench.ok(&["policy", "forbid", "s", &first.to_string()]);
+    let second = answer(&modes()).unwrap();
+    assert_ne!(second, first);
+    assert_ne!(bench.ok(&["policy", "export", "s"]), exported);
+    bench.refused(&["policy", "export", "s", "--mode", &first.to_string()], &["is forbidden"]);
+    bench.refused(&["policy", "forbid", "s", "99"], &["mode 99", "modes 1 to"]);
+
+    bench.ok(&["policy", "forbid", "s", "none"]);
+    assert_eq!(bench.ok(&["policy", "export", "s"]), exported);
+}
+
+#[test]
+fn what_fits_no_table_and_no_task_is_refused() {
+    let bench = Bench::new();
+    let off = ["learn", "skittles", "--target", "0.0,9.0"];
+    bench.refused(&off, &["task.target_m", "on the table"]);
+    bench.refused(&["learn", "skittles", "--target", "1.2"], &["two numbers"]);
+    bench.refused(&["learn", "landscape", "--target", "1,1"], &["belongs to the task skittles"]);
+    let cases = [
+        ("[task]\nname = \"landscape\"\n[learner.action]\nstart = [1.0]\n", "takes 2"),
+        ("[task]\nname = \"pancake\"\n[learner.action]\nstart = [1.0, 2.0]\n", "takes 0"),
+        (
+            "[task]\nname = \"skittles\"\n[learner.action]\nmin = [1.0, 0.0]\nmax = [1.0, 2.0]\n",
+            "empty in parameter 0",
+        ),
+        ("[task]\nname = \"tennis\"\n", "pancake, landscape or skittles"),
+    ];
+    for (text, expected) in cases {
+        bench.write("bad.toml", text);
+        bench.refused(&["config", "--config", "bad.toml"], &[expected]);
+    }
+}
