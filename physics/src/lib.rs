@@ -31,6 +31,7 @@
 
 pub mod arm;
 pub mod landscape;
+pub mod niching;
 pub mod outcome;
 pub mod pancake;
 pub mod plant;

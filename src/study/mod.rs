@@ -1,5 +1,6 @@
 //! `skillet study`: many seeds in this process, tables with intervals, the paper's figures.
 
+mod cmaes;
 mod runner;
 mod sample;
 mod statistics;

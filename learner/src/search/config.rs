@@ -2,8 +2,14 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::cem::CemConfig;
+use super::enac::EnacConfig;
+use super::niching::NichingConfig;
+use super::pi2::Pi2Config;
 use super::power::PowerConfig;
 use super::random::RandomConfig;
+use super::reinforce::ReinforceConfig;
+use super::rwr::RwrConfig;
 use crate::range::{ConfigError, check};
 
 /// Which search proposes the policies.
@@ -12,8 +18,20 @@ use crate::range::{ConfigError, check};
 pub enum Method {
     /// PoWER with covariance adaptation, Eqs. (1) and (6).
     Power,
-    /// Random search around the start.
+    /// Random search around the start, or in the box.
     Random,
+    /// Cross-entropy method.
+    Cem,
+    /// PI² with covariance adaptation.
+    Pi2,
+    /// Reward-weighted regression.
+    Rwr,
+    /// REINFORCE with a baseline.
+    Reinforce,
+    /// Episodic natural actor critic.
+    Enac,
+    /// All optima of a known box.
+    Niching,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -22,6 +40,12 @@ pub struct SearchConfig {
     pub method: Method,
     pub power: PowerConfig,
     pub random: RandomConfig,
+    pub cem: CemConfig,
+    pub pi2: Pi2Config,
+    pub rwr: RwrConfig,
+    pub reinforce: ReinforceConfig,
+    pub enac: EnacConfig,
+    pub niching: NichingConfig,
 }
 
 impl Default for SearchConfig {
@@ -30,6 +54,12 @@ impl Default for SearchConfig {
             method: Method::Power,
             power: PowerConfig::default(),
             random: RandomConfig::default(),
+            cem: CemConfig::default(),
+            pi2: Pi2Config::default(),
+            rwr: RwrConfig::default(),
+            reinforce: ReinforceConfig::default(),
+            enac: EnacConfig::default(),
+            niching: NichingConfig::default(),
         }
     }
 }
@@ -39,6 +69,12 @@ impl SearchConfig {
     pub fn validate(&self) -> Result<(), ConfigError> {
         check("search.power.", &self.power.ranges())?;
         check("search.random.", &self.random.ranges())?;
+        check("search.cem.", &self.cem.ranges())?;
+        check("search.pi2.", &self.pi2.ranges())?;
+        check("search.rwr.", &self.rwr.ranges())?;
+        check("search.reinforce.", &self.reinforce.ranges())?;
+        check("search.enac.", &self.enac.ranges())?;
+        check("search.niching.", &self.niching.ranges())?;
         Ok(())
     }
 }

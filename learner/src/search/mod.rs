@@ -1,9 +1,20 @@
 //! The search: proposes θ, learns from trials, and knows nothing of robots.
 
+pub mod batch;
+pub mod cem;
+pub mod climb;
+#[cfg(test)]
+mod comparators_tests;
 mod config;
+pub mod enac;
+pub mod gradient;
+pub mod niching;
 pub mod normals;
+pub mod pi2;
 pub mod power;
 pub mod random;
+pub mod reinforce;
+pub mod rwr;
 mod space;
 
 use nalgebra::{DMatrix, DVector};
@@ -12,6 +23,7 @@ pub use config::{Method, SearchConfig};
 pub use space::{Bounds, BoundsError, Space};
 
 use crate::trial::{Proposal, Trial};
+use batch::BatchSearch;
 
 /// An episodic search over θ, deterministic in (configuration, seed, told trials).
 pub trait Search: Send {
@@ -63,5 +75,11 @@ pub fn build(config: &SearchConfig, seed: u64, space: Space) -> Box<dyn Search> 
     match config.method {
         Method::Power => Box::new(power::Power::new(config.power, seed, space)),
         Method::Random => Box::new(random::Random::new(config.random, seed, space)),
+        Method::Cem => Box::new(BatchSearch::new(config.cem, seed, space)),
+        Method::Pi2 => Box::new(BatchSearch::new(config.pi2, seed, space)),
+        Method::Rwr => Box::new(BatchSearch::new(config.rwr, seed, space)),
+        Method::Reinforce => Box::new(BatchSearch::new(config.reinforce, seed, space)),
+        Method::Niching => Box::new(niching::Niching::new(config.niching, seed, space)),
+        Method::Enac => Box::new(BatchSearch::new(config.enac, seed, space)),
     }
 }
