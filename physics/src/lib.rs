@@ -32,6 +32,7 @@
 pub mod action;
 pub mod arm;
 pub mod landscape;
+pub mod niching;
 pub mod outcome;
 pub mod pancake;
 pub mod plant;

@@ -1,5 +1,6 @@
 //! `skillet study`: many seeds in this process, tables with intervals, the paper's figures.
 
+mod cmaes;
 mod figures;
 mod landscape;
 mod literal;
@@ -56,6 +57,7 @@ const fn figure_of(
 
 /// Every study, in the order of `--help`.
 pub const STUDIES: &[Study] = &[
+    table_of("literal", "Algorithm 1 as printed, on the landscape", 1, literal::run_seed),
     figure_of("fig5", "several optima and what a gradient finds", fig5::figure),
     figure_of("fig6", "splitting a Gaussian, Eq. (9)", |_| fig6::figure()),
     figure_of("fig7", "a run on the landscape", fig7::figure),

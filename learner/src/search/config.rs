@@ -3,8 +3,14 @@
 use serde::{Deserialize, Serialize};
 
 use super::algorithm1::Algorithm1Config;
+use super::cem::CemConfig;
+use super::enac::EnacConfig;
+use super::niching::NichingConfig;
+use super::pi2::Pi2Config;
 use super::power::PowerConfig;
 use super::random::RandomConfig;
+use super::reinforce::ReinforceConfig;
+use super::rwr::RwrConfig;
 use crate::range::{ConfigError, check};
 
 /// Which search proposes the policies.
@@ -13,10 +19,22 @@ use crate::range::{ConfigError, check};
 pub enum Method {
     /// PoWER with covariance adaptation, Eqs. (1) and (6).
     Power,
-    /// Random search around the start.
+    /// Random search around the start, or in the box.
     Random,
     /// Mixture search with split and merge as printed, Algorithm 1.
     Algorithm1,
+    /// Cross-entropy method.
+    Cem,
+    /// PI² with covariance adaptation.
+    Pi2,
+    /// Reward-weighted regression.
+    Rwr,
+    /// REINFORCE with a baseline.
+    Reinforce,
+    /// Episodic natural actor critic.
+    Enac,
+    /// All optima of a known box.
+    Niching,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -26,6 +44,12 @@ pub struct SearchConfig {
     pub power: PowerConfig,
     pub random: RandomConfig,
     pub algorithm1: Algorithm1Config,
+    pub cem: CemConfig,
+    pub pi2: Pi2Config,
+    pub rwr: RwrConfig,
+    pub reinforce: ReinforceConfig,
+    pub enac: EnacConfig,
+    pub niching: NichingConfig,
 }
 
 impl Default for SearchConfig {
@@ -35,6 +59,12 @@ impl Default for SearchConfig {
             power: PowerConfig::default(),
             random: RandomConfig::default(),
             algorithm1: Algorithm1Config::default(),
+            cem: CemConfig::default(),
+            pi2: Pi2Config::default(),
+            rwr: RwrConfig::default(),
+            reinforce: ReinforceConfig::default(),
+            enac: EnacConfig::default(),
+            niching: NichingConfig::default(),
         }
     }
 }
@@ -45,6 +75,12 @@ impl SearchConfig {
         check("search.power.", &self.power.ranges())?;
         check("search.random.", &self.random.ranges())?;
         check("search.algorithm1.", &self.algorithm1.ranges())?;
+        check("search.cem.", &self.cem.ranges())?;
+        check("search.pi2.", &self.pi2.ranges())?;
+        check("search.rwr.", &self.rwr.ranges())?;
+        check("search.reinforce.", &self.reinforce.ranges())?;
+        check("search.enac.", &self.enac.ranges())?;
+        check("search.niching.", &self.niching.ranges())?;
         Ok(())
     }
 }

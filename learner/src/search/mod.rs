@@ -5,9 +5,21 @@ mod ask_tell;
 mod config;
 pub mod gaussian;
 pub mod mixture;
+pub mod batch;
+pub mod cem;
+pub mod climb;
+#[cfg(test)]
+mod comparators_tests;
+mod config;
+pub mod enac;
+pub mod gradient;
+pub mod niching;
 pub mod normals;
+pub mod pi2;
 pub mod power;
 pub mod random;
+pub mod reinforce;
+pub mod rwr;
 mod space;
 pub mod split_merge;
 #[cfg(test)]
@@ -20,6 +32,7 @@ pub use config::{Method, SearchConfig};
 pub use space::{Bounds, BoundsError, Space};
 
 use crate::trial::{Proposal, Trial};
+use batch::BatchSearch;
 
 /// An episodic search over θ, deterministic in (configuration, seed, told trials).
 pub trait Search: Send {
@@ -72,5 +85,11 @@ pub fn build(config: &SearchConfig, seed: u64, space: Space) -> Box<dyn Search> 
         Method::Algorithm1 => Box::new(algorithm1::Algorithm1::new(config.algorithm1, seed, space)),
         Method::Power => Box::new(power::Power::new(config.power, seed, space)),
         Method::Random => Box::new(random::Random::new(config.random, seed, space)),
+        Method::Cem => Box::new(BatchSearch::new(config.cem, seed, space)),
+        Method::Pi2 => Box::new(BatchSearch::new(config.pi2, seed, space)),
+        Method::Rwr => Box::new(BatchSearch::new(config.rwr, seed, space)),
+        Method::Reinforce => Box::new(BatchSearch::new(config.reinforce, seed, space)),
+        Method::Niching => Box::new(niching::Niching::new(config.niching, seed, space)),
+        Method::Enac => Box::new(BatchSearch::new(config.enac, seed, space)),
     }
 }

@@ -58,7 +58,7 @@ impl PowerConfig {
 }
 
 /// Best first; equal rewards in the order of their rollouts.
-fn by_reward(a: &Trial, b: &Trial) -> Ordering {
+pub(super) fn by_reward(a: &Trial, b: &Trial) -> Ordering {
     b.reward.total_cmp(&a.reward).then(a.rollout.cmp(&b.rollout))
 }
 

@@ -1,0 +1,179 @@
+//! What the batch searches share: a Gaussian that stays as it is until its batch of trials is told.
+
+use nalgebra::DVector;
+use serde::{Deserialize, Serialize};
+
+use super::normals::{standard_normal, stream};
+use super::power::by_reward;
+use super::{Bounds, Search, SearchSnapshot, Space};
+use crate::range::{Range, range};
+use crate::trial::{Proposal, Trial};
+
+/// The settings all batch searches have; standard deviations in units of θ.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct BatchConfig {
+    /// Trials an update is computed from.
+    pub size: usize,
+    pub initial_std: f64,
+    /// Exploration floor at the first update.
+    pub floor_std: f64,
+    /// Factor on the floor per update; 1 keeps it.
+    pub floor_decay: f64,
+    /// Where the decay of the floor ends.
+    pub floor_min: f64,
+}
+
+impl Default for BatchConfig {
+    fn default() -> Self {
+        BatchConfig {
+            size: 10,
+            initial_std: 0.7,
+            floor_std: 0.2,
+            floor_decay: 0.9,
+            floor_min: 0.05,
+        }
+    }
+}
+
+impl BatchConfig {
+    /// Settings and their ranges, as fields of the table `batch`.
+    pub fn ranges(&self) -> Vec<Range> {
+        vec![
+            range("batch.size", self.size as f64, 2.0, 1e4),
+            range("batch.initial_std", self.initial_std, 1e-9, 1e6),
+            range("batch.floor_std", self.floor_std, 1e-9, 1e6),
+            range("batch.floor_decay", self.floor_decay, 0.1, 1.0),
+            range("batch.floor_min", self.floor_min, 1e-9, self.floor_std),
+        ]
+    }
+
+    /// The floor of update `n_updates` (from 0).
+    fn floor(&self, n_updates: i32) -> f64 {
+        (self.floor_std * self.floor_decay.powi(n_updates)).max(self.floor_min)
+    }
+}
+
+/// 𝒩(μ, Σₘ fₘfₘᵀ + diag(s)²): what few trials say, and independent noise. It is sampled without
+/// a matrix decomposition, so no covariance is too flat for it.
+#[derive(Clone, Debug)]
+pub struct Gaussian {
+    pub mean: DVector<f64>,
+    pub factors: Vec<DVector<f64>>,
+    /// s > 0, D numbers.
+    pub std: DVector<f64>,
+}
+
+impl Gaussian {
+    pub fn isotropic(mean: DVector<f64>, std: f64) -> Gaussian {
+        let std = DVector::from_element(mean.len(), std);
+        Gaussian { mean, factors: Vec::new(), std }
+    }
+
+    /// Weighted maximum likelihood: μ = Σₘ wₘ θₘ / Σ w and
+    /// Σ = Σₘ wₘ (θₘ − c)(θₘ − c)ᵀ / Σ w + floor²·I with the centre c = μ, or the one given.
+    pub fn fit(
+        trials: &[Trial],
+        weights: &[f64],
+        centre: Option<&DVector<f64>>,
+        floor: f64,
+    ) -> Gaussian {
+        let sum: f64 = weights.iter().sum();
+        let mut mean = DVector::zeros(trials[0].theta.len());
+        for (trial, weight) in trials.iter().zip(weights) {
+            mean += &trial.theta * (weight / sum);
+        }
+        let centre = centre.unwrap_or(&mean);
+        let factor = |(trial, w): (&Trial, &f64)| (&trial.theta - centre) * (w / sum).sqrt();
+        let factors = trials.iter().zip(weights).map(factor).collect();
+        Gaussian { factors, ..Gaussian::isotropic(mean, floor) }
+    }
+
+    pub fn sample(&self, seed: u64, rollout: u64) -> DVector<f64> {
+        let mut rng = stream(seed, rollout);
+        let mut theta = self.mean.clone();
+        for factor in &self.factors {
+            theta += factor * standard_normal(&mut rng);
+        }
+        theta.zip_apply(&self.std, |x, s| *x += s * standard_normal(&mut rng));
+        theta
+    }
+
+    pub fn marginal_std(&self) -> DVector<f64> {
+        let mut variance = self.std.component_mul(&self.std);
+        for factor in &self.factors {
+            variance += factor.component_mul(factor);
+        }
+        variance.map(f64::sqrt)
+    }
+}
+
+/// What distinguishes one batch search from another.
+pub trait Update: Send {
+    fn batch(&self) -> &BatchConfig;
+
+    /// The distribution after `gaussian`, from a batch with unequal rewards, best trial first.
+    fn update(&self, gaussian: &Gaussian, trials: &[Trial], floor: f64) -> Gaussian;
+}
+
+/// A search that updates its Gaussian after each batch. Rollout 1 is θ₀, as in every method.
+pub struct BatchSearch<U> {
+    method: U,
+    seed: u64,
+    bounds: Option<Bounds>,
+    gaussian: Gaussian,
+    /// Trials told since the last update.
+    batch: Vec<Trial>,
+    n_updates: i32,
+}
+
+impl<U: Update> BatchSearch<U> {
+    pub fn new(method: U, seed: u64, space: Space) -> Self {
+        let gaussian = Gaussian::isotropic(space.theta_0, method.batch().initial_std);
+        let bounds = space.bounds;
+        BatchSearch { method, seed, bounds, gaussian, batch: Vec::new(), n_updates: 0 }
+    }
+
+    fn inside(&self, theta: &DVector<f64>) -> DVector<f64> {
+        self.bounds.as_ref().map_or_else(|| theta.clone(), |bounds| bounds.clamp(theta))
+    }
+}
+
+impl<U: Update> Search for BatchSearch<U> {
+    fn ask(&self, rollout: u64) -> Proposal {
+        let theta = match rollout {
+            1 => self.gaussian.mean.clone(),
+            _ => self.gaussian.sample(self.seed, rollout),
+        };
+        Proposal { rollout, theta: self.inside(&theta) }
+    }
+
+    fn tell(&mut self, trial: &Trial) {
+        assert!(trial.reward.is_finite() && trial.reward >= 0.0, "reward {}", trial.reward);
+        self.batch.push(trial.clone());
+        if self.batch.len() < self.method.batch().size {
+            return;
+        }
+        let mut trials = std::mem::take(&mut self.batch);
+        trials.sort_by(by_reward);
+        // Equal rewards say nothing: a step would be a random one.
+        if trials[0].reward > trials[trials.len() - 1].reward {
+            let floor = self.method.batch().floor(self.n_updates);
+            self.gaussian = self.method.update(&self.gaussian, &trials, floor);
+            self.gaussian.mean = self.inside(&self.gaussian.mean);
+            self.n_updates += 1;
+        }
+    }
+
+    fn mean(&self) -> &DVector<f64> {
+        &self.gaussian.mean
+    }
+
+    fn snapshot(&self, _rollout: u64) -> SearchSnapshot {
+        SearchSnapshot {
+            mean: self.gaussian.mean.clone(),
+            std: self.gaussian.marginal_std(),
+            floor: self.gaussian.std.min(),
+        }
+    }
+}

@@ -1,0 +1,44 @@
+//! Cross-entropy method (Rubinstein 1999; de Boer, Kroese, Mannor, Rubinstein, Annals of
+//! Operations Research 2005), with the added noise of Szita and Lőrincz (Neural Computation 2006).
+//!
+//! From the E best of a batch: μ = Σₑ θₑ/E and Σ = Σₑ (θₑ − μ)(θₑ − μ)ᵀ/E + floor²·I.
+
+use serde::{Deserialize, Serialize};
+
+use super::batch::{BatchConfig, Gaussian, Update};
+use crate::range::{Range, range};
+use crate::trial::Trial;
+
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CemConfig {
+    /// E, the best trials of a batch; not more than there are.
+    pub n_elites: usize,
+    pub batch: BatchConfig,
+}
+
+impl Default for CemConfig {
+    fn default() -> Self {
+        let batch = BatchConfig { size: 20, ..BatchConfig::default() };
+        CemConfig { n_elites: 5, batch }
+    }
+}
+
+impl CemConfig {
+    /// Settings and their ranges.
+    pub fn ranges(&self) -> Vec<Range> {
+        let n_elites = range("n_elites", self.n_elites as f64, 1.0, self.batch.size as f64);
+        [vec![n_elites], self.batch.ranges()].concat()
+    }
+}
+
+impl Update for CemConfig {
+    fn batch(&self) -> &BatchConfig {
+        &self.batch
+    }
+
+    fn update(&self, _gaussian: &Gaussian, trials: &[Trial], floor: f64) -> Gaussian {
+        let elites = &trials[..self.n_elites];
+        Gaussian::fit(elites, &vec![1.0; self.n_elites], None, floor)
+    }
+}

@@ -1,0 +1,114 @@
+//! One climb of the niching search: Eqs. (1) and (6) from a start to the top of its hill.
+
+use nalgebra::DVector;
+use serde::{Deserialize, Serialize};
+
+use super::batch::Gaussian;
+use super::power::by_reward;
+use crate::range::{Range, range};
+use crate::trial::Trial;
+
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ClimbConfig {
+    /// M, the best trials Eqs. (1) and (6) are computed from.
+    pub n_elites: usize,
+    /// Trials around the start before the first update.
+    pub n_initial: u64,
+    /// Variance of the exploration floor Σ₀ at the first trial, in variances of the start.
+    pub floor_variance: f64,
+    /// Factor on that variance per trial.
+    pub floor_decay: f64,
+    /// The climb is over when no standard deviation is above this, in widths of the box …
+    pub end_std: f64,
+    /// … or after so many trials.
+    pub n_max: u64,
+}
+
+impl Default for ClimbConfig {
+    fn default() -> Self {
+        ClimbConfig {
+            n_elites: 8,
+            n_initial: 8,
+            floor_variance: 0.2,
+            floor_decay: 0.95,
+            end_std: 1e-6,
+            n_max: 400,
+        }
+    }
+}
+
+impl ClimbConfig {
+    /// Settings and their ranges, as fields of the table `climb`.
+    pub fn ranges(&self) -> Vec<Range> {
+        vec![
+            range("climb.n_elites", self.n_elites as f64, 2.0, 1e4),
+            range("climb.n_initial", self.n_initial as f64, 1.0, 1e4),
+            range("climb.floor_variance", self.floor_variance, 0.0, 100.0),
+            range("climb.floor_decay", self.floor_decay, 0.1, 0.9999),
+            range("climb.end_std", self.end_std, 1e-12, 1.0),
+            range("climb.n_max", self.n_max as f64, 1.0, 1e6),
+        ]
+    }
+}
+
+/// A climb in progress. Its start is its first elite.
+pub struct Climb {
+    config: ClimbConfig,
+    start: DVector<f64>,
+    std: f64,
+    gaussian: Gaussian,
+    elites: Vec<Trial>,
+    n_told: u64,
+}
+
+impl Climb {
+    pub fn new(config: ClimbConfig, start: Trial, std: f64) -> Climb {
+        let gaussian = Gaussian::isotropic(start.theta.clone(), std);
+        let from = start.theta.clone();
+        Climb { config, start: from, std, gaussian, elites: vec![start], n_told: 0 }
+    }
+
+    /// Eqs. (1) and (6) with weights by rank, wₘ = ln(M + ½) − ln m as in CMA-ES.
+    ///
+    /// Departure: the paper weighs with rewards, which near a top are all the same, and its Σ₀ is
+    /// constant, which ends the climb at a distance from the top.
+    pub fn tell(&mut self, trial: Trial) {
+        self.n_told += 1;
+        let place = self.elites.partition_point(|elite| by_reward(elite, &trial).is_lt());
+        self.elites.insert(place, trial);
+        self.elites.truncate(self.config.n_elites);
+        if self.n_told < self.config.n_initial {
+            return;
+        }
+        let n = self.elites.len() as f64;
+        let weight = |m: usize| (n + 0.5).ln() - (m as f64).ln();
+        let weights: Vec<f64> = (1..=self.elites.len()).map(weight).collect();
+        let variance =
+            self.config.floor_variance * self.config.floor_decay.powf(self.n_told as f64);
+        let floor = self.std * variance.sqrt();
+        self.gaussian = Gaussian::fit(&self.elites, &weights, Some(&self.gaussian.mean), floor);
+    }
+
+    pub fn gaussian(&self) -> &Gaussian {
+        &self.gaussian
+    }
+
+    pub fn best(&self) -> &Trial {
+        &self.elites[0]
+    }
+
+    /// Distance from the start to the best place.
+    pub fn way(&self) -> f64 {
+        (&self.best().theta - &self.start).norm()
+    }
+
+    pub fn n_told(&self) -> u64 {
+        self.n_told
+    }
+
+    pub fn is_over(&self) -> bool {
+        self.n_told >= self.config.n_max
+            || self.gaussian.marginal_std().max() <= self.config.end_std
+    }
+}

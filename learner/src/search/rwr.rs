@@ -1,0 +1,45 @@
+//! Episodic reward-weighted regression (Dayan and Hinton, Neural Computation 1997; Peters and
+//! Schaal, ICML 2007).
+//!
+//! wₘ = u(rₘ)/Σ u(r) over the batch, μ' = Σₘ wₘ θₘ and Σ' = Σₘ wₘ (θₘ − μ')(θₘ − μ')ᵀ + floor²·I.
+//! The transformation u(r) = r^τ is their exp(−τ·cost) for the cost −ln r.
+
+use serde::{Deserialize, Serialize};
+
+use super::batch::{BatchConfig, Gaussian, Update};
+use crate::range::{Range, range};
+use crate::trial::Trial;
+
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RwrConfig {
+    /// τ; 1 weighs with the reward itself.
+    pub tau: f64,
+    pub batch: BatchConfig,
+}
+
+impl Default for RwrConfig {
+    fn default() -> Self {
+        RwrConfig { tau: 20.0, batch: BatchConfig::default() }
+    }
+}
+
+impl RwrConfig {
+    /// Settings and their ranges.
+    pub fn ranges(&self) -> Vec<Range> {
+        [vec![range("tau", self.tau, 1e-3, 1e3)], self.batch.ranges()].concat()
+    }
+}
+
+impl Update for RwrConfig {
+    fn batch(&self) -> &BatchConfig {
+        &self.batch
+    }
+
+    fn update(&self, _gaussian: &Gaussian, trials: &[Trial], floor: f64) -> Gaussian {
+        // Relative to the best, which is above zero as the rewards differ.
+        let weight = |t: &Trial| (t.reward / trials[0].reward).powf(self.tau);
+        let weights: Vec<f64> = trials.iter().map(weight).collect();
+        Gaussian::fit(trials, &weights, None, floor)
+    }
+}
