@@ -10,7 +10,6 @@ pub mod cem;
 pub mod climb;
 #[cfg(test)]
 mod comparators_tests;
-mod config;
 pub mod enac;
 pub mod gradient;
 pub mod niching;
