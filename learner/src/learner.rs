@@ -20,9 +20,10 @@ use thiserror::Error;
 use crate::config::{ConfigError, LearnerConfig};
 use crate::demonstration::Demonstration;
 use crate::initial_policy::initial_policy;
-use crate::parameters::{ParameterError, ParameterMap, PolicyIds};
+use crate::parameters::{ParameterError, PolicyIds};
 use crate::path::decimate;
-use crate::search::{self, Search, Space};
+use crate::problem::Problem;
+use crate::search::{DirectionsError, Search};
 use crate::store::{PolicyKind, SessionMeta, Store, StoreError, TrialRecord};
 use crate::summary::{Summary, TrialReport};
 use crate::trial::Proposal;
@@ -41,6 +42,8 @@ pub enum LearnerError {
     Config(#[from] ConfigError),
     #[error(transparent)]
     Parameters(#[from] ParameterError),
+    #[error(transparent)]
+    Directions(#[from] DirectionsError),
     #[error(transparent)]
     Store(#[from] StoreError),
     #[error(
@@ -73,8 +76,7 @@ pub enum CompleteError {
 /// A session in memory and on disk.
 pub struct Learner {
     config: LearnerConfig,
-    map: ParameterMap,
-    theta_0: DVector<f64>,
+    problem: Problem,
     search: Box<dyn Search>,
     store: Store,
     trials: Vec<TrialRecord>,
@@ -94,31 +96,32 @@ impl Learner {
             policy_id: INITIAL_POLICY_ID,
             ..initial_policy(demonstration, &meta.learner.initial_policy())
         };
-        let (map, theta_0) = parameters(&initial, &meta.learner)?;
+        let problem = Problem::around(&initial, &meta.learner, demonstration)?;
         let config = meta.learner.clone();
         let mut store = Store::create(&directory.join(SESSION_FILE), meta, &initial)?;
         store.record_event("created", demonstration.file())?;
-        let search = search::build(&config.search, config.seed, Space::white(theta_0.clone()));
-        Ok(Learner { config, map, theta_0, search, store, trials: Vec::new(), pending: None })
+        let search = problem.search(&config);
+        Ok(Learner { config, problem, search, store, trials: Vec::new(), pending: None })
     }
 
     /// Continues the session in `directory` as if it had never stopped: the stored trials are told
     /// again, and every stored proposal must come out bit for bit. Only `rollouts` may differ from
-    /// the configuration the session was started with.
+    /// the configuration the session was started with, and the demonstration must be its own.
     pub fn resume(
         directory: &Path,
         task: &str,
         config: &LearnerConfig,
+        demonstration: &Demonstration,
     ) -> Result<Self, LearnerError> {
         config.validate()?;
         let store = Store::open(&directory.join(SESSION_FILE))?;
         store.expect_task(task)?;
         config.check_resumes(&store.meta().learner)?;
-        let (map, theta_0) = parameters(&store.initial_policy()?, config)?;
+        let problem = Problem::around(&store.initial_policy()?, config, demonstration)?;
         let trials = store.trials()?;
-        let search = replay(config, &theta_0, &trials)?;
+        let search = replay(config, &problem, &trials)?;
         let config = config.clone();
-        let mut learner = Learner { config, map, theta_0, search, store, trials, pending: None };
+        let mut learner = Learner { config, problem, search, store, trials, pending: None };
         if let Some(stored) = learner.store.pending_proposal()? {
             learner.pending = Some(learner.reproduce(&stored)?);
         }
@@ -168,7 +171,7 @@ impl Learner {
         let snapshot = self.search.snapshot(trial.rollout + 1);
         if let Err(error) = self.store.record_trial(&trial, &snapshot, &decimate(records)) {
             // What is not durable was not learnt.
-            self.search = replay(&self.config, &self.theta_0, &self.trials)
+            self.search = replay(&self.config, &self.problem, &self.trials)
                 .expect("these trials were reproduced before");
             return Err(CompleteError::Learner(error.into()));
         }
@@ -187,7 +190,7 @@ impl Learner {
     /// The mean of the search as a policy of no rollout, stored under `MEAN_POLICY_ID` + trials.
     pub fn mean_policy(&mut self) -> Result<PolicyMsg, LearnerError> {
         let policy_id = MEAN_POLICY_ID + self.trials.len() as u64;
-        let policy = self.map.decode(self.search.mean(), self.ids(0, policy_id));
+        let policy = self.problem.map.decode(self.search.mean(), self.ids(0, policy_id));
         if self.store.policy(policy_id)?.is_none() {
             self.store.put_policy(PolicyKind::Mean, &policy)?;
         }
@@ -227,7 +230,7 @@ impl Learner {
     fn propose(&self) -> (Proposal, PolicyMsg) {
         let rollout = self.trials.len() as u64 + 1;
         let proposal = self.search.ask(rollout);
-        let policy = self.map.decode(&proposal.theta, self.ids(rollout, rollout));
+        let policy = self.problem.map.decode(&proposal.theta, self.ids(rollout, rollout));
         (proposal, policy)
     }
 
@@ -280,23 +283,13 @@ fn not_executed(fault: u64) -> Option<&'static str> {
     }
 }
 
-/// θ ↔ policy around the initial policy, and its θ₀.
-fn parameters(
-    initial: &PolicyMsg,
-    config: &LearnerConfig,
-) -> Result<(ParameterMap, DVector<f64>), LearnerError> {
-    let map = ParameterMap::new(initial, config.scales)?;
-    let theta_0 = map.encode(initial)?;
-    Ok((map, theta_0))
-}
-
 /// The search after `trials`, each of which it must have proposed itself.
 fn replay(
     config: &LearnerConfig,
-    theta_0: &DVector<f64>,
+    problem: &Problem,
     trials: &[TrialRecord],
 ) -> Result<Box<dyn Search>, LearnerError> {
-    let mut search = search::build(&config.search, config.seed, Space::white(theta_0.clone()));
+    let mut search = problem.search(config);
     for (trial, rollout) in trials.iter().zip(1..) {
         if trial.rollout != rollout || !same_bits(&search.ask(rollout).theta, &trial.theta) {
             return Err(LearnerError::NotReproduced { rollout });

@@ -9,11 +9,13 @@
 pub mod activation;
 pub mod config;
 pub mod demonstration;
+pub mod exploration;
 pub mod initial_policy;
 pub mod learner;
 pub mod parameters;
 pub mod path;
 pub mod policy_json;
+pub mod problem;
 pub mod range;
 pub mod reward;
 pub mod search;

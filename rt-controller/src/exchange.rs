@@ -16,7 +16,7 @@ use shm_types::telemetry::{Heartbeat, TelemetryTick};
 use crate::admission::{admit, records_needed};
 use crate::config::{ControllerConfig, Pace};
 use crate::loop_report::LoopReport;
-use crate::outcome_message::outcome_message;
+use crate::recording::Recording;
 use crate::request::{Request, boot_id};
 use crate::run::{Done, Job, RunSummary};
 use crate::tick::Fault;
@@ -129,13 +129,14 @@ impl<'a> Exchange<'a> {
                 tracing::error!("an episode came back that was not asked for; dropped");
                 continue;
             };
-            self.applied_tick = done.applied_tick;
+            let Recording { n_records, applied_tick } = done.recording;
+            self.applied_tick = applied_tick;
             self.rollouts += 1;
             *done.episode.user_header_mut() = EpisodeHeader {
-                applied_tick: done.applied_tick,
-                n_records: done.n_records as u64,
+                applied_tick,
+                n_records: n_records as u64,
                 fault: u64::from(done.fault),
-                outcome: outcome_message(&done.outcome),
+                outcome: done.outcome,
                 ..self.header(&request)
             };
             if done.fault != 0 {

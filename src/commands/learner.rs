@@ -70,8 +70,9 @@ pub fn run(args: &LearnerArgs) -> Result<Verdict> {
 }
 
 fn open(folder: &SessionFolder, config: &Config) -> Result<Learner> {
+    let demonstration = setup::demonstration(config)?;
     let learner = if folder.database().exists() {
-        Learner::resume(folder.dir(), &config.task.name, &config.learner)
+        Learner::resume(folder.dir(), &config.task.name, &config.learner, &demonstration)
     } else {
         let meta = SessionMeta {
             task: config.task.name.clone(),
@@ -80,7 +81,7 @@ fn open(folder: &SessionFolder, config: &Config) -> Result<Learner> {
             config_toml: config.to_toml()?,
             learner: config.learner.clone(),
         };
-        Learner::create(folder.dir(), meta, &setup::demonstration(config)?)
+        Learner::create(folder.dir(), meta, &demonstration)
     };
     learner.with_context(|| format!("session {}", folder.dir().display()))
 }

@@ -1,5 +1,6 @@
 //! `skillet study`: many seeds in this process, tables with intervals, the paper's figures.
 
+mod pancake;
 mod runner;
 mod sample;
 mod statistics;
@@ -23,7 +24,12 @@ pub struct Study {
 }
 
 /// Every study, in the order of `--help`.
-pub const STUDIES: &[Study] = &[];
+pub const STUDIES: &[Study] = &[Study {
+    name: "pancake",
+    version: 1,
+    about: "pancake flipping: learning from 100 rollouts, and how robust the answer is",
+    run_seed: pancake::run_seed,
+}];
 
 /// The table of a study.
 #[derive(Debug, Serialize)]

@@ -5,11 +5,12 @@ pub mod normals;
 pub mod power;
 pub mod random;
 mod space;
+mod subspace;
 
 use nalgebra::{DMatrix, DVector};
 
 pub use config::{Method, SearchConfig};
-pub use space::{Bounds, BoundsError, Space};
+pub use space::{Bounds, BoundsError, DirectionsError, Space};
 
 use crate::trial::{Proposal, Trial};
 
@@ -58,8 +59,11 @@ pub struct SearchSnapshot {
     pub floor: f64,
 }
 
-/// The configured search in `space`.
+/// The configured search in `space`; along directions if it has some.
 pub fn build(config: &SearchConfig, seed: u64, space: Space) -> Box<dyn Search> {
+    if !space.is_white() {
+        return Box::new(subspace::Subspace::new(space, |inner| build(config, seed, inner)));
+    }
     match config.method {
         Method::Power => Box::new(power::Power::new(config.power, seed, space)),
         Method::Random => Box::new(random::Random::new(config.random, seed, space)),
