@@ -80,7 +80,7 @@ pub fn check(config: &Config) -> Result<Option<Demonstration>> {
     Ok(Some(demonstration))
 }
 
-fn demonstration(config: &Config) -> Result<Demonstration> {
+pub fn demonstration(config: &Config) -> Result<Demonstration> {
     let parsed = match &config.task.demonstration {
         Some(path) => {
             let name = path.display().to_string();

@@ -5,6 +5,7 @@ use shm_types::MAX_COMPONENTS;
 
 use crate::action::ActionConfig;
 use crate::activation::Activation;
+use crate::exploration::ExplorationConfig;
 use crate::initial_policy::InitialPolicyConfig;
 use crate::modes::Prefer;
 use crate::parameters::{STIFFNESS_MAX, STIFFNESS_MIN, Scales};
@@ -34,6 +35,7 @@ pub struct LearnerConfig {
     pub orientation_damping: f64,
     pub scales: Scales,
     pub action: ActionConfig,
+    pub exploration: ExplorationConfig,
     pub search: SearchConfig,
     pub reward: RewardConfig,
     /// Which mode the session's answer is.
@@ -56,6 +58,7 @@ impl Default for LearnerConfig {
             orientation_damping: policy.orientation_damping,
             scales: Scales::default(),
             action: ActionConfig::default(),
+            exploration: ExplorationConfig::default(),
             search: SearchConfig::default(),
             reward: RewardConfig::default(),
             prefer: Prefer::default(),
@@ -84,12 +87,10 @@ impl LearnerConfig {
             range("scales.position_m", self.scales.position_m, 1e-4, 1.0),
             range("scales.angle_rad", self.scales.angle_rad, 1e-4, 3.0),
             range("scales.log_stiffness", self.scales.log_stiffness, 1e-4, 3.0),
-            range("reward.w1", self.reward.w1, 0.0, 100.0),
-            range("reward.w2", self.reward.w2, 0.0, 100.0),
-            range("reward.w3", self.reward.w3, 0.0, 100.0),
-            range("reward.lambda", self.reward.lambda, 0.0, 1e3),
         ];
         check("", &ranges)?;
+        check("exploration.", &self.exploration.ranges())?;
+        check("reward.", &self.reward.ranges())?;
         self.action.validate()?;
         self.search.validate()
     }
@@ -156,7 +157,7 @@ mod tests {
     #[test]
     fn refuses_each_bad_value_and_names_it() {
         type Break = fn(&mut LearnerConfig);
-        let breaks: [(&str, Break); 16] = [
+        let breaks: [(&str, Break); 18] = [
             ("learner.task_dim is 5: use 3", |c| c.task_dim = 5),
             ("learner.rollouts is 0: use 1 to 100000", |c| c.rollouts = 0),
             ("learner.n_components is 17: use 1 to 16", |c| c.n_components = 17),
@@ -170,11 +171,13 @@ mod tests {
             ("learner.search.power.n_initial", |c| c.search.power.n_initial = 20_000),
             ("learner.search.power.initial_std", |c| c.search.power.initial_std = -0.5),
             ("learner.search.power.floor_decay is 1.1", |c| c.search.power.floor_decay = 1.1),
-            ("learner.search.power.floor_min is 0.3: use 0 to 0.2", |c| {
-                c.search.power.floor_min = 0.3
+            ("learner.search.power.floor_min is 0.6: use 0 to 0.5", |c| {
+                c.search.power.floor_min = 0.6
             }),
             ("learner.search.random.std", |c| c.search.random.std = f64::NAN),
             ("learner.reward.w2 is -1", |c| c.reward.w2 = -1.0),
+            ("learner.reward.catch.lateral_m is 0", |c| c.reward.catch.lateral_m = 0.0),
+            ("learner.exploration.tempo_s is -0.1", |c| c.exploration.tempo_s = -0.1),
         ];
         for (expected, break_it) in breaks {
             let mut config = LearnerConfig::default();
@@ -206,7 +209,7 @@ mod tests {
         changed.search.power.floor_std = 0.3;
         let message = changed.check_resumes(&stored).unwrap_err().to_string();
         assert!(message.contains(
-            "learner.search.power.floor_std is 0.3, but the session was started with 0.2"
+            "learner.search.power.floor_std is 0.3, but the session was started with 0.5"
         ));
     }
 }

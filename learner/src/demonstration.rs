@@ -117,6 +117,15 @@ impl Demonstration {
         &self.poses
     }
 
+    /// The same movement with other poses at the same times.
+    ///
+    /// # Panics
+    /// If there are not as many poses as before.
+    pub fn with_poses(&self, poses: Vec<Pose>) -> Demonstration {
+        assert_eq!(poses.len(), self.poses.len(), "one pose a sample");
+        Demonstration { poses, ..self.clone() }
+    }
+
     /// ẋ and ẍ at the times of [`Demonstration::poses`].
     pub fn derivatives(&self) -> (Vec<Pose>, Vec<Pose>) {
         derivatives(&self.poses, self.period_s)

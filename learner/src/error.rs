@@ -5,7 +5,7 @@ use thiserror::Error;
 
 use crate::config::ConfigError;
 use crate::parameters::ParameterError;
-use crate::search::TellError;
+use crate::search::{DirectionsError, TellError};
 use crate::store::StoreError;
 
 /// Why a session cannot start or go on.
@@ -15,6 +15,8 @@ pub enum LearnerError {
     Config(#[from] ConfigError),
     #[error(transparent)]
     Parameters(#[from] ParameterError),
+    #[error(transparent)]
+    Directions(#[from] DirectionsError),
     #[error(transparent)]
     Store(#[from] StoreError),
     #[error(

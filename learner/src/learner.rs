@@ -17,14 +17,14 @@ use shm_types::policy::PolicyMsg;
 
 use crate::config::LearnerConfig;
 use crate::demonstration::Demonstration;
-use crate::encoding::Encoding;
 use crate::error::{CompleteError, LearnerError};
 use crate::initial_policy::initial_policy;
 use crate::modes::{ModeReport, assess};
 use crate::parameters::PolicyIds;
 use crate::path::{PathRow, decimate};
+use crate::problem::Problem;
 use crate::replay::{Replayed, replay, same_bits};
-use crate::search::{AskTell, Space};
+use crate::search::AskTell;
 use crate::store::{SessionMeta, Store, TrialRecord};
 use crate::summary::{Summary, TrialReport};
 use crate::trial::Proposal;
@@ -39,8 +39,7 @@ const INITIAL_POLICY_ID: u64 = 0;
 /// A session in memory and on disk.
 pub struct Learner {
     config: LearnerConfig,
-    encoding: Encoding,
-    space: Space,
+    problem: Problem,
     search: AskTell,
     store: Store,
     trials: Vec<TrialRecord>,
@@ -65,29 +64,30 @@ impl Learner {
         };
         let (session, policy_id) = (meta.session_id, INITIAL_POLICY_ID);
         let initial = PolicyMsg { session, policy_id, ..policy };
+        let problem = Problem::around(&initial, &meta.learner, demonstration)?;
         let config = meta.learner.clone();
-        let (encoding, space) = Encoding::new(&initial, &config)?;
         let mut store = Store::create(&directory.join(SESSION_FILE), meta, &initial)?;
         store.record_event("created", source)?;
-        let search = replay(&config, &space, &[])?;
-        Ok(Learner { config, encoding, space, search, store, trials: Vec::new(), pending: None })
+        let search = replay(&config, &problem, &[])?;
+        Ok(Learner { config, problem, search, store, trials: Vec::new(), pending: None })
     }
 
     /// Continues the session in `directory` as if it had never stopped: the stored trials are told
     /// again, and every stored proposal must come out bit for bit. Only `rollouts` may differ from
-    /// the configuration the session was started with.
+    /// the configuration the session was started with, and the demonstration must be its own.
     pub fn resume(
         directory: &Path,
         task: &str,
         config: &LearnerConfig,
+        demonstration: Option<&Demonstration>,
     ) -> Result<Self, LearnerError> {
         config.validate()?;
         let store = Store::open(&directory.join(SESSION_FILE))?;
         store.expect_task(task)?;
         config.check_resumes(&store.meta().learner)?;
-        let Replayed { encoding, space, search, trials } = Replayed::of(&store)?;
+        let Replayed { problem, search, trials } = Replayed::of(&store, demonstration)?;
         let config = config.clone();
-        let mut learner = Learner { config, encoding, space, search, store, trials, pending: None };
+        let mut learner = Learner { config, problem, search, store, trials, pending: None };
         if let Some(stored) = learner.store.pending_proposal()? {
             learner.pending = Some(learner.reproduce(&stored)?);
         }
@@ -172,7 +172,7 @@ impl Learner {
         let snapshot = self.search.snapshot(trial.rollout + 1);
         if let Err(error) = self.store.record_trial(&trial, &snapshot, path) {
             // What is not durable was not learnt.
-            self.search = replay(&self.config, &self.space, &self.trials)
+            self.search = replay(&self.config, &self.problem, &self.trials)
                 .expect("these trials were reproduced before");
             self.search.ask(trial.rollout);
             return Err(CompleteError::Learner(error.into()));
@@ -198,7 +198,7 @@ impl Learner {
         let first_id = MODE_POLICY_ID + 100 * self.trials.len() as u64;
         let with_policy = |report: ModeReport| {
             let ids = self.ids(0, first_id + report.number as u64);
-            let policy = self.encoding.decode(&report.mode.mean, ids);
+            let policy = self.problem.decode(&report.mode.mean, ids);
             (report, policy)
         };
         let modes = assess(&self.search.modes(), &trials, &forbidden);
@@ -250,7 +250,7 @@ impl Learner {
     fn propose(&mut self) -> (Proposal, PolicyMsg) {
         let rollout = self.trials.len() as u64 + 1;
         let proposal = self.search.ask(rollout);
-        let policy = self.encoding.decode(&proposal.theta, self.ids(rollout, rollout));
+        let policy = self.problem.decode(&proposal.theta, self.ids(rollout, rollout));
         (proposal, policy)
     }
 

@@ -35,7 +35,7 @@ impl Default for Scales {
 }
 
 /// Who asks for a policy: the fields of the message that are not physical.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PolicyIds {
     pub session: u64,
     pub rollout: u64,

@@ -3,37 +3,40 @@
 use nalgebra::DVector;
 
 use crate::config::LearnerConfig;
-use crate::encoding::Encoding;
+use crate::demonstration::Demonstration;
 use crate::error::LearnerError;
-use crate::search::{self, AskTell, Space};
+use crate::problem::Problem;
+use crate::search::AskTell;
 use crate::store::{Store, TrialRecord};
 
 /// A session brought back.
 pub struct Replayed {
-    pub encoding: Encoding,
-    pub space: Space,
+    pub problem: Problem,
     pub search: AskTell,
     pub trials: Vec<TrialRecord>,
 }
 
 impl Replayed {
     /// Tells the stored trials again; every one must come out as it was proposed, bit for bit.
-    pub fn of(store: &Store) -> Result<Replayed, LearnerError> {
+    pub fn of(
+        store: &Store,
+        demonstration: Option<&Demonstration>,
+    ) -> Result<Replayed, LearnerError> {
         let config = &store.meta().learner;
-        let (encoding, space) = Encoding::new(&store.initial_policy()?, config)?;
+        let problem = Problem::around(&store.initial_policy()?, config, demonstration)?;
         let trials = store.trials()?;
-        let search = replay(config, &space, &trials)?;
-        Ok(Replayed { encoding, space, search, trials })
+        let search = replay(config, &problem, &trials)?;
+        Ok(Replayed { problem, search, trials })
     }
 }
 
 /// The search after `trials`, each of which it must have proposed itself.
 pub fn replay(
     config: &LearnerConfig,
-    space: &Space,
+    problem: &Problem,
     trials: &[TrialRecord],
 ) -> Result<AskTell, LearnerError> {
-    let mut search = AskTell::new(search::build(&config.search, config.seed, space.clone()));
+    let mut search = AskTell::new(problem.search(config));
     for (trial, rollout) in trials.iter().zip(1..) {
         if trial.rollout != rollout || !same_bits(&search.ask(rollout).theta, &trial.theta) {
             return Err(LearnerError::NotReproduced { rollout });

@@ -4,7 +4,9 @@
 use std::f64::consts::PI;
 
 use serde::{Deserialize, Serialize};
-use shm_types::episode::{OUTCOME_EXPLOIT, OutcomeMsg};
+use shm_types::episode::{OUTCOME_EXPLOIT, OUTCOME_SUCCESS, OutcomeMsg};
+
+use crate::range::{Range, range};
 
 /// Releases beyond these are contact exploits of a simulator, not tosses.
 pub const RELEASE_SPEED_MAX_M_S: f64 = 6.0;
@@ -20,27 +22,92 @@ pub enum RewardKind {
     Value,
     /// Sec. 4.2, second experiment: r = exp(−λ d), d the distance the world measures.
     Distance,
+    /// As the paper's, and more for a catch that is calm.
+    Catch,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RewardConfig {
     pub kind: RewardKind,
-    /// Weights of flip angle, catch distance and height.
+    /// Weights of flip angle, catch distance and height in the paper's reward.
     pub w1: f64,
     pub w2: f64,
     pub w3: f64,
     /// λ of `distance`, 1/m.
     pub lambda: f64,
+    /// The catch reward.
+    pub catch: CatchConfig,
+}
+
+/// Weights of the catch reward, and what counts as much in each of its terms.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CatchConfig {
+    /// Of the height, per m, and the height from which more earns no more, m.
+    pub height: f64,
+    pub height_max_m: f64,
+    pub angle: f64,
+    /// Of a pancake over the middle of the pan at the crossing.
+    pub aim: f64,
+    /// Of a pancake caught upside down in the middle of the pan, without bouncing, and without a
+    /// torque at its limit.
+    pub catch: f64,
+    pub calm: f64,
+    pub ease: f64,
+    /// Lateral distance, m, bouncing, s, and share of clipped ticks at which the terms above have
+    /// fallen to 1/e.
+    pub lateral_m: f64,
+    pub bounce_s: f64,
+    pub clipped_share: f64,
 }
 
 impl Default for RewardConfig {
     fn default() -> Self {
-        RewardConfig { kind: RewardKind::Paper, w1: 0.5, w2: 0.5, w3: 0.5, lambda: 3.0 }
+        let catch = CatchConfig::default();
+        RewardConfig { kind: RewardKind::Catch, w1: 0.5, w2: 0.5, w3: 0.5, lambda: 3.0, catch }
+    }
+}
+
+impl Default for CatchConfig {
+    fn default() -> Self {
+        CatchConfig {
+            height: 1.5,
+            height_max_m: 0.55,
+            angle: 1.0,
+            aim: 1.0,
+            catch: 1.0,
+            calm: 0.5,
+            ease: 0.5,
+            lateral_m: 0.1,
+            bounce_s: 0.05,
+            clipped_share: 0.05,
+        }
     }
 }
 
 impl RewardConfig {
+    /// Settings and their ranges.
+    pub fn ranges(&self) -> Vec<Range> {
+        let catch = &self.catch;
+        vec![
+            range("w1", self.w1, 0.0, 100.0),
+            range("w2", self.w2, 0.0, 100.0),
+            range("w3", self.w3, 0.0, 100.0),
+            range("lambda", self.lambda, 0.0, 1e3),
+            range("catch.height", catch.height, 0.0, 100.0),
+            range("catch.height_max_m", catch.height_max_m, 0.0, 100.0),
+            range("catch.angle", catch.angle, 0.0, 100.0),
+            range("catch.aim", catch.aim, 0.0, 100.0),
+            range("catch.catch", catch.catch, 0.0, 100.0),
+            range("catch.calm", catch.calm, 0.0, 100.0),
+            range("catch.ease", catch.ease, 0.0, 100.0),
+            range("catch.lateral_m", catch.lateral_m, 1e-3, 10.0),
+            range("catch.bounce_s", catch.bounce_s, 1e-3, 10.0),
+            range("catch.clipped_share", catch.clipped_share, 1e-3, 10.0),
+        ]
+    }
+
     /// The reward of an outcome: finite and never negative, whatever was measured.
     pub fn reward(&self, outcome: &OutcomeMsg) -> f64 {
         if outcome.fields().iter().any(|(_, value)| !value.is_finite()) || is_exploit(outcome) {
@@ -50,6 +117,7 @@ impl RewardConfig {
             RewardKind::Paper => self.paper(outcome),
             RewardKind::Value => outcome.value,
             RewardKind::Distance => (-self.lambda * outcome.value.max(0.0)).exp(),
+            RewardKind::Catch => self.catch.reward(outcome),
         };
         reward.clamp(0.0, f64::MAX)
     }
@@ -66,6 +134,31 @@ impl RewardConfig {
         }
         let flip = outcome.flip_angle_rad.clamp(0.0, PI) / PI;
         self.w1 * flip + self.w2 * (-outcome.distance_m.max(0.0)).exp() + height
+    }
+}
+
+impl CatchConfig {
+    /// r = h·min(X₃ᵐᵃˣ, cap), and at the crossing + a·angle/π + exp(−l/l₀), and after a flipped
+    /// catch + exp(−l_end/l₀) + ½exp(−bouncing/t₀) + ½exp(−clipped/c₀), with the default weights.
+    ///
+    /// Departure: the paper's reward judges the crossing only, where its exp(−‖X − x‖) is nearly
+    /// flat, and its height has no end: a high toss that misses is worth as much as a catch. Here
+    /// the distance is the lateral one and steep, the height is capped, and a catch pays by itself,
+    /// most without bounces and without saturated motors: those two tell which catches survive
+    /// another pancake.
+    fn reward(&self, outcome: &OutcomeMsg) -> f64 {
+        let near = |lateral_m: f64| (-lateral_m.max(0.0) / self.lateral_m).exp();
+        let mut reward = self.height * outcome.apex_m.clamp(0.0, self.height_max_m);
+        if outcome.crossing_time_s > 0.0 {
+            reward += self.angle * outcome.flip_angle_rad.clamp(0.0, PI) / PI;
+            reward += self.aim * near(outcome.lateral_m);
+        }
+        if outcome.has(OUTCOME_SUCCESS) {
+            reward += self.catch * near(outcome.final_lateral_m);
+            reward += self.calm * (-outcome.bounce_s.max(0.0) / self.bounce_s).exp();
+            reward += self.ease * (-outcome.clipped_share.max(0.0) / self.clipped_share).exp();
+        }
+        reward
     }
 }
 
@@ -91,15 +184,56 @@ mod tests {
         ..OutcomeMsg::ZERO
     };
 
+    const PAPER: RewardConfig = RewardConfig {
+        kind: RewardKind::Paper,
+        w1: 0.5,
+        w2: 0.5,
+        w3: 0.5,
+        lambda: 3.0,
+        catch: CatchConfig {
+            height: 1.5,
+            height_max_m: 0.55,
+            angle: 1.0,
+            aim: 1.0,
+            catch: 1.0,
+            calm: 0.5,
+            ease: 0.5,
+            lateral_m: 0.1,
+            bounce_s: 0.05,
+            clipped_share: 0.05,
+        },
+    };
+
     fn reward(outcome: OutcomeMsg) -> f64 {
-        RewardConfig::default().reward(&outcome)
+        PAPER.reward(&outcome)
+    }
+
+    fn catch(outcome: OutcomeMsg) -> f64 {
+        RewardConfig { kind: RewardKind::Catch, ..PAPER }.reward(&outcome)
+    }
+
+    #[test]
+    fn a_calm_catch_earns_most() {
+        let toss = OutcomeMsg { lateral_m: 0.05, ..FLIP };
+        let crossing = 1.5 * 0.55 + 2.6 / PI + (-0.5_f64).exp();
+        assert!((catch(toss) - crossing).abs() < 1e-14, "the height is capped");
+        let low = OutcomeMsg { crossing_time_s: 0.0, apex_m: 0.2, ..FLIP };
+        assert!((catch(low) - 0.3).abs() < 1e-14);
+
+        let flags = OUTCOME_TOSSED | OUTCOME_SUCCESS;
+        let caught = OutcomeMsg { flags, final_lateral_m: 0.02, ..toss };
+        assert!((catch(caught) - (crossing + (-0.2_f64).exp() + 1.0)).abs() < 1e-14);
+        let rough = OutcomeMsg { bounce_s: 0.1, clipped_share: 0.05, ..caught };
+        let lost = 0.5 * (1.0 - (-2.0_f64).exp()) + 0.5 * (1.0 - (-1.0_f64).exp());
+        assert!((catch(caught) - catch(rough) - lost).abs() < 1e-14);
+        assert_eq!(catch(OutcomeMsg { flags: flags | OUTCOME_EXPLOIT, ..caught }), 0.0);
     }
 
     #[test]
     fn is_the_weighted_sum_of_section_3_1() {
         let expected = 0.5 * 2.6 / PI + 0.5 * (-0.12_f64).exp() + 0.5 * 0.71;
         assert!((reward(FLIP) - expected).abs() < 1e-15);
-        let weights = RewardConfig { w1: 1.0, w2: 0.0, w3: 2.0, ..Default::default() };
+        let weights = RewardConfig { w1: 1.0, w2: 0.0, w3: 2.0, ..PAPER };
         assert!((weights.reward(&FLIP) - (2.6 / PI + 1.42)).abs() < 1e-15);
     }
 
@@ -136,8 +270,9 @@ mod tests {
                     OutcomeMsg { apex_m: a, flip_angle_rad: b, ..FLIP },
                     OutcomeMsg { distance_m: a, crossing_time_s: b, ..FLIP },
                 ] {
-                    let r = reward(outcome);
-                    assert!(r.is_finite() && r >= 0.0, "{a} {b}: {r}");
+                    for r in [reward(outcome), catch(outcome)] {
+                        assert!(r.is_finite() && r >= 0.0, "{a} {b}: {r}");
+                    }
                 }
             }
         }

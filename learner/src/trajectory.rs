@@ -38,6 +38,20 @@ pub fn resample(times_s: &[f64], poses: &[Pose]) -> (f64, Vec<Pose>) {
     (period, resampled)
 }
 
+/// The poses at `source(t)` for every sample time t (s): a change of timing. Before the first pose
+/// and after the last one the trajectory is held.
+pub fn retime(poses: &[Pose], period_s: f64, source: impl Fn(f64) -> f64) -> Vec<Pose> {
+    let times_s: Vec<f64> = (0..poses.len()).map(|k| k as f64 * period_s).collect();
+    let slopes = hermite_slopes(&times_s, poses);
+    let last = poses.len() - 2;
+    let at = |t: &f64| {
+        let t_s = source(*t);
+        let segment = ((t_s / period_s).max(0.0) as usize).min(last);
+        hermite(&times_s, poses, &slopes, segment, t_s)
+    };
+    times_s.iter().map(at).collect()
+}
+
 /// Slope at each knot: the derivative of the parabola through it and its neighbours; at the ends
 /// the slope of the chord.
 fn hermite_slopes(times_s: &[f64], poses: &[Pose]) -> Vec<Pose> {
@@ -116,6 +130,16 @@ mod tests {
             assert!((acceleration[k][5] - 2.0).abs() < 1e-8);
         }
         assert!(velocity[9][2].abs() < 1e-12);
+    }
+
+    #[test]
+    fn retiming_moves_a_parabola_in_time_and_holds_its_ends() {
+        let poses: Vec<Pose> = (0..20).map(|k| parabola(k as f64 * 0.01)).collect();
+        let late = retime(&poses, 0.01, |t| t - 0.034);
+        assert_eq!((late[0], late[3]), (poses[0], poses[0]));
+        assert!((late[12][0] - parabola(0.086)[0]).abs() < 1e-12);
+        let early = retime(&poses, 0.01, |t| t + 1.0);
+        assert_eq!(early[0], poses[19]);
     }
 
     #[test]

@@ -105,7 +105,8 @@ fn resuming_after_40_trials_equals_100_without_a_stop() {
     let mut learner = create(split.path(), config(5));
     run(&mut learner, 40);
     drop(learner);
-    let mut learner = Learner::resume(split.path(), "pancake", &config(5)).expect("resumes");
+    let mut learner =
+        Learner::resume(split.path(), "pancake", &config(5), &demonstration()).expect("resumes");
     assert_eq!(learner.durable_rollout(), 40);
     run(&mut learner, 100);
 
@@ -124,14 +125,16 @@ fn a_crash_after_publishing_loses_no_rollout() {
     let published = learner.next_policy().unwrap();
     drop(learner);
 
-    let mut learner = Learner::resume(directory.path(), "pancake", &config(2)).unwrap();
+    let mut learner =
+        Learner::resume(directory.path(), "pancake", &config(2), &demonstration()).unwrap();
     // The controller finished the rollout meanwhile: its episode counts without asking again.
     let (header, records) = execute(&published);
     assert_eq!(learner.complete(&published, &header, &records).unwrap().rollout, 16);
     assert_eq!(learner.next_policy().unwrap().rollout, 17);
     drop(learner);
 
-    let mut learner = Learner::resume(directory.path(), "pancake", &config(2)).unwrap();
+    let mut learner =
+        Learner::resume(directory.path(), "pancake", &config(2), &demonstration()).unwrap();
     let again = learner.next_policy().unwrap();
     assert_eq!(again, learner.next_policy().unwrap());
     assert_eq!(learner.store().policy(17).unwrap(), Some(again));
@@ -249,13 +252,14 @@ fn resumes_only_with_its_own_task_configuration_and_history() {
     run(&mut learner, 12);
     learner.next_policy().unwrap();
     drop(learner);
-    let resume =
-        |task: &str, config: &LearnerConfig| Learner::resume(directory.path(), task, config);
+    let resume = |task: &str, config: &LearnerConfig| {
+        Learner::resume(directory.path(), task, config, &demonstration())
+    };
     let refused = |task: &str, config: &LearnerConfig| resume(task, config).err().unwrap();
 
     let error = refused("skittles", &config(3)).to_string();
     assert!(error.contains("task `pancake`"), "{error}");
-    let error = refused("pancake", &config(4)).to_string();
+    let error = refused("pancake", &config(4), &demonstration()).to_string();
     assert!(error.contains("learner.seed is 4, but the session was started with 3"), "{error}");
     let error = refused("pancake", &LearnerConfig { kappa_p: -1.0, ..config(3) }).to_string();
     assert!(error.contains("learner.kappa_p is -1"), "{error}");
@@ -272,7 +276,7 @@ fn resumes_only_with_its_own_task_configuration_and_history() {
         ("UPDATE trials SET reward = reward + 1 WHERE rollout = 4", 12),
     ] {
         database.execute_batch(change).unwrap();
-        let error = refused("pancake", &config(3));
+        let error = refused("pancake", &config(3), &demonstration());
         assert!(
             matches!(error, LearnerError::NotReproduced { rollout } if rollout == not_reproduced),
             "{error}"

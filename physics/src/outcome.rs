@@ -79,6 +79,8 @@ pub struct Outcome {
     pub release_speed: f64,
     /// Rate of turn at release, rad/s.
     pub release_spin: f64,
+    /// Its part about the world's y axis, rad/s: positive turns the pancake's nose down.
+    pub release_pitch_rate: f64,
     /// X₃ᵐᵃˣ: highest rise of the pancake above its start, m. Defined without a toss as well.
     pub apex_m: f64,
     /// When the pancake fell back to Δ_h, s. Zero unless tossed, as the next three.
@@ -93,6 +95,8 @@ pub struct Outcome {
     pub final_lateral_m: f64,
     /// Angle between the normals of pancake and pan at the end, rad: π is upside down.
     pub final_tilt_rad: f64,
+    /// Time without contact from the first touch after the crossing to the end, s: bouncing.
+    pub bounce_s: f64,
     /// Success: at the end the pancake lies in the pan upside down.
     pub flipped_and_caught: bool,
     /// The release was faster than the task allows; never a success.
@@ -108,6 +112,7 @@ struct Flight {
     last_s: f64,
     speed: f64,
     spin: f64,
+    pitch_rate: f64,
 }
 
 impl Flight {
@@ -147,6 +152,8 @@ pub struct OutcomeTracker {
     flight: Option<Flight>,
     longest: Option<Flight>,
     last_contact_s: f64,
+    /// The pancake has touched the pan again after the crossing.
+    is_back: bool,
     is_finished: bool,
     outcome: Outcome,
 }
@@ -161,6 +168,7 @@ impl OutcomeTracker {
             flight: None,
             longest: None,
             last_contact_s: f64::NEG_INFINITY,
+            is_back: false,
             is_finished: false,
             outcome: Outcome::default(),
         }
@@ -188,6 +196,7 @@ impl OutcomeTracker {
         self.outcome.final_tilt_rad = angle_between(&normal_P, &Vector3::z());
         self.track_flight(&now);
         self.track_crossing(&first, &now, X_WP, &offset_P);
+        self.track_bounce(&now);
 
         self.outcome.dropped = now.height < -self.config.dropped_below_m;
         let hold_is_over =
@@ -221,14 +230,17 @@ impl OutcomeTracker {
             self.last_contact_s = now.t_s;
             return;
         }
-        let start = Flight { start_s: now.t_s, last_s: now.t_s, speed: 0.0, spin: 0.0 };
+        let start =
+            Flight { start_s: now.t_s, last_s: now.t_s, speed: 0.0, spin: 0.0, pitch_rate: 0.0 };
         let mut flight = self.flight.unwrap_or(start);
         flight.last_s = now.t_s;
         // The first difference that lies in the air as a whole is the release velocity.
         if let Some(last) = self.last.filter(|last| flight.start_s == last.t_s) {
             let dt = now.t_s - last.t_s;
             flight.speed = (now.p_WO - last.p_WO).norm() / dt;
+            let turn = (now.R_WO * last.R_WO.inverse()).scaled_axis();
             flight.spin = last.R_WO.angle_to(&now.R_WO) / dt;
+            flight.pitch_rate = turn.y / dt;
         }
         self.flight = Some(flight);
 
@@ -239,6 +251,7 @@ impl OutcomeTracker {
             self.outcome.release_time_s = flight.start_s;
             self.outcome.release_speed = flight.speed;
             self.outcome.release_spin = flight.spin;
+            self.outcome.release_pitch_rate = flight.pitch_rate;
             self.outcome.exploit = flight.speed > self.config.max_release_speed
                 || flight.spin > self.config.max_release_spin;
         }
@@ -261,6 +274,13 @@ impl OutcomeTracker {
         self.outcome.flip_angle_rad = angle_between(&normal(&first.R_WO), &normal(&now.R_WO));
         self.outcome.distance_m = (now.p_WO - X_WP.translation.vector).norm();
         self.outcome.lateral_m = offset_P.xy().norm();
+    }
+
+    fn track_bounce(&mut self, now: &Sample) {
+        self.is_back |= self.outcome.tossed && now.in_contact;
+        if let Some(last) = self.last.filter(|_| self.is_back && !now.in_contact) {
+            self.outcome.bounce_s += now.t_s - last.t_s;
+        }
     }
 
     /// Does the pancake lie in the pan upside down? At the start its normal is the pan's.

@@ -11,6 +11,7 @@ use shm_types::episode::{MAX_RECORDS, OutcomeMsg, TickRecord};
 use crate::admission::{Action, admit_action};
 use crate::config::Pace;
 use crate::exchange::Setup;
+use crate::recording::Recording;
 use crate::rollout::Phase;
 use crate::run::{RunError, RunSummary};
 use crate::serve::{Done, Ends, Job, serve};
@@ -52,7 +53,8 @@ fn execute<W: ActionWorld>(mut ends: Ends<Throw>, world: &W, stop: &AtomicBool) 
         let action = &action[..world.dim()];
         let n_records = record(&path, tick, episode.payload_mut());
         let outcome = OutcomeMsg { value: world.measure(action), ..OutcomeMsg::ZERO };
-        let done = Done { episode, n_records, applied_tick: tick, fault: 0, outcome };
+        let recording = Recording { n_records, applied_tick: tick };
+        let done = Done { episode, recording, fault: 0, outcome };
         tick += n_records.max(1) as u64;
         // Never full: the ring has a place for every loan.
         let _ = ends.done.push(done);

@@ -15,6 +15,7 @@ use shm_types::telemetry::{Heartbeat, TelemetryTick};
 use crate::admission::AdmissionError;
 use crate::config::Pace;
 use crate::loop_report::LoopReport;
+use crate::recording::Recording;
 use crate::request::{Request, boot_id};
 use crate::run::RunSummary;
 use crate::serve::{Done, Job};
@@ -131,11 +132,12 @@ impl<'a, P> Exchange<'a, P> {
                 tracing::error!("an episode came back that was not asked for; dropped");
                 continue;
             };
-            self.applied_tick = done.applied_tick;
+            let Recording { n_records, applied_tick } = done.recording;
+            self.applied_tick = applied_tick;
             self.rollouts += 1;
             *done.episode.user_header_mut() = EpisodeHeader {
-                applied_tick: done.applied_tick,
-                n_records: done.n_records as u64,
+                applied_tick,
+                n_records: n_records as u64,
                 fault: u64::from(done.fault),
                 outcome: done.outcome,
                 ..self.header(&request)

@@ -1,11 +1,14 @@
 //! The measured outcome as a message.
 
-use physics::outcome::Outcome;
 use shm_types::episode::{
     OUTCOME_DROPPED, OUTCOME_EXPLOIT, OUTCOME_SUCCESS, OUTCOME_TOSSED, OutcomeMsg,
 };
 
-pub(crate) fn outcome_message(outcome: &Outcome) -> OutcomeMsg {
+use crate::tick::Controller;
+
+/// What the rollout that just ended achieved.
+pub(crate) fn outcome_message(controller: &Controller) -> OutcomeMsg {
+    let outcome = controller.outcome();
     let mut flags = 0;
     for (set, flag) in [
         (outcome.tossed, OUTCOME_TOSSED),
@@ -29,5 +32,8 @@ pub(crate) fn outcome_message(outcome: &Outcome) -> OutcomeMsg {
         distance_m: outcome.distance_m,
         lateral_m: outcome.lateral_m,
         final_lateral_m: outcome.final_lateral_m,
+        release_pitch_rate_rad_s: outcome.release_pitch_rate,
+        bounce_s: outcome.bounce_s,
+        clipped_share: controller.clipped_share(),
     }
 }

@@ -19,6 +19,7 @@ use crate::config::{ControllerConfig, ControllerConfigError, Pace};
 use crate::exchange::Setup;
 use crate::outcome_message::outcome_message;
 use crate::policy::Policy;
+use crate::recording::Recording;
 use crate::rollout::Phase;
 use crate::rt::{self, Clock, Wake};
 use crate::serve::{Done, Job, serve};
@@ -107,8 +108,7 @@ pub fn run<P: Plant>(
 /// A rollout in progress.
 struct Running {
     episode: EpisodeLoan,
-    n_records: usize,
-    applied_tick: u64,
+    recording: Recording,
 }
 
 /// The rt thread: measure, tick, apply, advance, record.
@@ -156,24 +156,16 @@ impl<P: Plant> RtLoop<'_, P> {
             // A simulator builds a fresh world here; a robot does nothing.
             self.plant.reset();
             self.controller.start(&job.policy, &self.plant.measure().q);
-            self.running = Some(Running { episode: job.episode, n_records: 0, applied_tick: 0 });
+            self.running = Some(Running { episode: job.episode, recording: Recording::default() });
         }
     }
 
     fn cycle(&mut self, wake: Wake) {
         let measured = self.plant.measure();
-        let executing = matches!(self.controller.phase(), Phase::Execute | Phase::Settle);
-        let record = match &mut self.running {
-            Some(running) if executing => {
-                if running.n_records == 0 {
-                    running.applied_tick = self.controller.tick_number();
-                }
-                let record = running.episode.payload_mut().get_mut(running.n_records);
-                running.n_records += usize::from(record.is_some());
-                record.unwrap_or(&mut self.scratch)
-            }
-            _ => &mut self.scratch,
-        };
+        let record = self.running.as_mut().and_then(|running| {
+            running.recording.next(&self.controller, running.episode.payload_mut())
+        });
+        let record = record.unwrap_or(&mut self.scratch);
 
         let start = Instant::now();
         let tau = self.controller.tick(&measured, record);
@@ -197,10 +189,9 @@ impl<P: Plant> RtLoop<'_, P> {
         {
             self.deliver(Done {
                 episode: running.episode,
-                n_records: running.n_records,
-                applied_tick: running.applied_tick,
+                recording: running.recording,
                 fault: self.controller.fault() as u32,
-                outcome: outcome_message(&self.controller.outcome()),
+                outcome: outcome_message(&self.controller),
             });
         }
     }

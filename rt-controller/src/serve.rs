@@ -10,6 +10,7 @@ use shm_types::ports::ControllerPorts;
 use shm_types::telemetry::TelemetryTick;
 
 use crate::exchange::{Exchange, Setup};
+use crate::recording::Recording;
 use crate::run::{RunError, RunSummary};
 
 /// Ticks the telemetry ring holds: 4 s at 1 kHz, 0.2 s at the pace of the simulation.
@@ -24,8 +25,7 @@ pub(crate) struct Job<P> {
 /// An executed rollout: travels back.
 pub(crate) struct Done {
     pub episode: EpisodeLoan,
-    pub n_records: usize,
-    pub applied_tick: u64,
+    pub recording: Recording,
     pub fault: u32,
     pub outcome: OutcomeMsg,
 }

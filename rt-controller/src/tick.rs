@@ -71,6 +71,9 @@ pub struct Controller<'a> {
     rollout: Rollout,
     tick: u64,
     fault: Fault,
+    /// Ticks of Execute and Settle in this rollout, and those with a clipped torque.
+    n_executed: u32,
+    n_clipped: u32,
     last_tau: JointVector,
     last_q: JointVector,
 }
@@ -109,6 +112,8 @@ impl<'a> Controller<'a> {
             rollout: Rollout::new(q0, config, outcome),
             tick: 0,
             fault: Fault::None,
+            n_executed: 0,
+            n_clipped: 0,
             last_tau: dynamics::gravity_torque(model, q0),
             last_q: *q0,
         }
@@ -117,6 +122,7 @@ impl<'a> Controller<'a> {
     /// Begins a rollout: Approach, then Execute and Settle under `policy`.
     pub fn start(&mut self, policy: &Policy, q: &JointVector) {
         self.fault = Fault::None;
+        (self.n_executed, self.n_clipped) = (0, 0);
         self.last_tau = dynamics::gravity_torque(self.model, q);
         self.rollout.start(policy, q);
     }
@@ -139,6 +145,11 @@ impl<'a> Controller<'a> {
         self.rollout.outcome()
     }
 
+    /// Share of that rollout's ticks, from Execute on, in which a torque was clipped at its limit.
+    pub fn clipped_share(&self) -> f64 {
+        f64::from(self.n_clipped) / f64::from(self.n_executed.max(1))
+    }
+
     /// One tick: fills `record` and returns the torque to apply, N·m, finite and within limits.
     pub fn tick(&mut self, measured: &Measurement, record: &mut TickRecord) -> JointVector {
         *record = TickRecord { tick: self.tick, ..TickRecord::ZERO };
@@ -153,6 +164,10 @@ impl<'a> Controller<'a> {
                 self.hold(measured)
             }
         };
+        if matches!(self.rollout.phase(), Phase::Execute | Phase::Settle) {
+            self.n_executed += 1;
+            self.n_clipped += u32::from(record.flags & FLAG_TORQUE_CLIPPED != 0);
+        }
         self.rollout.advance(self.fault != Fault::None);
         if self.rollout.timed_out() && self.fault == Fault::None {
             self.fault = Fault::ApproachTimeout;

@@ -58,7 +58,7 @@ message! {
 message! {
     /// What the world measured; there is no reward in it. Quantities "at the crossing" are taken
     /// when the pancake falls back through Δ_h above the pan (Sec. 3.1); zero when it never does.
-    pub struct OutcomeMsg as "skillet/Outcome/1" {
+    pub struct OutcomeMsg as "skillet/Outcome/2" {
         /// `OUTCOME_*`.
         pub flags: u64,
         /// What a world without arm measures, in its unit; 0 in the others.
@@ -76,6 +76,12 @@ message! {
         pub lateral_m: f64,
         /// Horizontal distance to the centre of the pan at the end, m.
         pub final_lateral_m: f64,
+        /// Pitch rate of the pancake at release, rad/s: positive turns its nose down.
+        pub release_pitch_rate_rad_s: f64,
+        /// Time without contact between the first touch after the crossing and the end, s.
+        pub bounce_s: f64,
+        /// Share of the rollout's ticks in which a torque was clipped at its limit.
+        pub clipped_share: f64,
     }
 }
 
@@ -140,6 +146,9 @@ impl OutcomeMsg {
         distance_m: 0.0,
         lateral_m: 0.0,
         final_lateral_m: 0.0,
+        release_pitch_rate_rad_s: 0.0,
+        bounce_s: 0.0,
+        clipped_share: 0.0,
     };
 
     pub fn has(&self, flag: u64) -> bool {
@@ -147,7 +156,7 @@ impl OutcomeMsg {
     }
 
     /// Every measured quantity with its name, for checks and for people.
-    pub fn fields(&self) -> [(&'static str, f64); 10] {
+    pub fn fields(&self) -> [(&'static str, f64); 13] {
         [
             ("value", self.value),
             ("release_time_s", self.release_time_s),
@@ -159,6 +168,9 @@ impl OutcomeMsg {
             ("distance_m", self.distance_m),
             ("lateral_m", self.lateral_m),
             ("final_lateral_m", self.final_lateral_m),
+            ("release_pitch_rate_rad_s", self.release_pitch_rate_rad_s),
+            ("bounce_s", self.bounce_s),
+            ("clipped_share", self.clipped_share),
         ]
     }
 }

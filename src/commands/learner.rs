@@ -71,8 +71,9 @@ pub fn run(args: &LearnerArgs) -> Result<Verdict> {
 }
 
 fn open(folder: &SessionFolder, config: &Config) -> Result<Learner> {
+    let demonstration = setup::check(config)?;
     let learner = if folder.database().exists() {
-        Learner::resume(folder.dir(), &config.task.name, &config.learner)
+        Learner::resume(folder.dir(), &config.task.name, &config.learner, demonstration.as_ref())
     } else {
         let meta = SessionMeta {
             task: config.task.name.clone(),
@@ -81,7 +82,7 @@ fn open(folder: &SessionFolder, config: &Config) -> Result<Learner> {
             config_toml: config.to_toml()?,
             learner: config.learner.clone(),
         };
-        Learner::create(folder.dir(), meta, setup::check(config)?.as_ref())
+        Learner::create(folder.dir(), meta, demonstration.as_ref())
     };
     learner.with_context(|| format!("session {}", folder.dir().display()))
 }

@@ -14,6 +14,7 @@ use crate::config::Config;
 use crate::output::{print, print_json};
 use crate::report::ModeRow;
 use crate::session_folder::SessionFolder;
+use crate::setup;
 
 /// A session at rest, and which mode it prefers.
 struct Found {
@@ -29,8 +30,14 @@ impl Found {
         let _lock = folder.lock()?;
         let config = Config::load(Some(&folder.config_path()))?;
         let name = || format!("session {}", folder.dir().display());
-        let mut learner =
-            Learner::resume(folder.dir(), &config.task.name, &config.learner).with_context(name)?;
+        let demonstration = setup::check(&config)?;
+        let mut learner = Learner::resume(
+            folder.dir(),
+            &config.task.name,
+            &config.learner,
+            demonstration.as_ref(),
+        )
+        .with_context(name)?;
         let modes = learner.modes().with_context(name)?;
         let prefer = prefer.map_or(config.learner.prefer, Into::into);
         Ok(Found { learner, modes, prefer })

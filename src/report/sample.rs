@@ -38,6 +38,9 @@ pub fn session(n: u64) -> ReportData {
         distance_m: 0.106,
         lateral_m: 0.034,
         final_lateral_m: 0.028,
+        release_pitch_rate_rad_s: -5.1,
+        bounce_s: 0.012,
+        clipped_share: 0.03,
     };
     ReportData {
         task: "pancake".into(),

@@ -97,6 +97,8 @@ fn trial_rows(data: &ReportData) -> Vec<(String, String)> {
         distance_m,
         lateral_m,
         final_lateral_m,
+        bounce_s,
+        clipped_share,
         ..
     } = data.learnt_outcome;
     let trial = data.trials.iter().find(|trial| trial.rollout == data.learnt_rollout);
@@ -121,6 +123,10 @@ fn trial_rows(data: &ReportData) -> Vec<(String, String)> {
         add("distance of pan and pancake", distance_m * 100.0, 1, " cm");
         add("lateral miss", lateral_m * 100.0, 1, " cm");
         add("final offset in the pan", final_lateral_m * 100.0, 1, " cm");
+        add("bouncing", bounce_s * 1e3, 0, " ms");
+    }
+    if trial.is_some() {
+        add("ticks with a clipped torque", clipped_share * 100.0, 1, " %");
     }
     rows
 }

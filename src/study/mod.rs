@@ -4,6 +4,7 @@ mod cmaes;
 mod figures;
 mod landscape;
 mod literal;
+mod pancake;
 mod runner;
 mod runs;
 mod sample;
@@ -57,6 +58,12 @@ const fn figure_of(
 
 /// Every study, in the order of `--help`.
 pub const STUDIES: &[Study] = &[
+    table_of(
+        "pancake",
+        "pancake flipping from 100 rollouts, and how robust the answer is",
+        1,
+        pancake::run_seed,
+    ),
     table_of("literal", "Algorithm 1 as printed, on the landscape", 1, literal::run_seed),
     figure_of("fig5", "several optima and what a gradient finds", fig5::figure),
     figure_of("fig6", "splitting a Gaussian, Eq. (9)", |_| fig6::figure()),

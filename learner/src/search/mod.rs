@@ -2,16 +2,16 @@
 
 pub mod algorithm1;
 mod ask_tell;
-mod config;
-pub mod gaussian;
-pub mod mixture;
 pub mod batch;
 pub mod cem;
 pub mod climb;
 #[cfg(test)]
 mod comparators_tests;
+mod config;
 pub mod enac;
+pub mod gaussian;
 pub mod gradient;
+pub mod mixture;
 pub mod niching;
 pub mod normals;
 pub mod pi2;
@@ -21,6 +21,7 @@ pub mod reinforce;
 pub mod rwr;
 mod space;
 pub mod split_merge;
+mod subspace;
 #[cfg(test)]
 mod vectors;
 
@@ -28,7 +29,7 @@ use nalgebra::{DMatrix, DVector};
 
 pub use ask_tell::{AskTell, TellError};
 pub use config::{Method, SearchConfig};
-pub use space::{Bounds, BoundsError, Space};
+pub use space::{Bounds, BoundsError, DirectionsError, Space};
 
 use crate::trial::{Proposal, Trial};
 use batch::BatchSearch;
@@ -78,8 +79,11 @@ pub struct SearchSnapshot {
     pub floor: f64,
 }
 
-/// The configured search in `space`.
+/// The configured search in `space`; along directions if it has some.
 pub fn build(config: &SearchConfig, seed: u64, space: Space) -> Box<dyn Search> {
+    if !space.is_white() {
+        return Box::new(subspace::Subspace::new(space, |inner| build(config, seed, inner)));
+    }
     match config.method {
         Method::Algorithm1 => Box::new(algorithm1::Algorithm1::new(config.algorithm1, seed, space)),
         Method::Power => Box::new(power::Power::new(config.power, seed, space)),

@@ -2,6 +2,11 @@
 //!
 //! Rollout 1 is θ₀; the `n_initial` rollouts after it are drawn around θ₀. When all of these are
 //! told, the first update takes place with θ⁽ⁿ⁻¹⁾ = θ₀, and one more after each further trial.
+//!
+//! The paper's search learns from the best trials of all. Where the task says what success is, the
+//! default has two phases: until the first success it is the paper's search; from then on it learns
+//! from the best *successes* only, and the floor falls. A reward that was shaped to lead to a
+//! success need not tell good successes from near misses.
 
 use std::cmp::Ordering;
 
@@ -13,18 +18,55 @@ use super::{Search, SearchSnapshot, Space};
 use crate::range::{Range, range};
 use crate::trial::{Proposal, Trial};
 
+/// Which trials Eqs. (1) and (6) are computed from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Elites {
+    /// The best of all.
+    All,
+    /// The best successes, once there are any; the best of all before.
+    Successes,
+}
+
+/// What an elite weighs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Weights {
+    /// Its reward, as in Eqs. (1) and (6).
+    Reward,
+    /// ln(m + ½) − ln i for the i-th best of m.
+    Rank,
+}
+
+/// About which mean the scatter of successful elites is taken; any other is about the old one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Scatter {
+    /// Θ⁽ⁿ⁻¹⁾, as printed in Eq. (6): a step of the mean widens the next distribution.
+    Old,
+    /// Θ⁽ⁿ⁾, times m/(m−1): the spread of the elites themselves.
+    New,
+}
+
 /// Settings; standard deviations in scaled units.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PowerConfig {
-    /// M, the best trials Eqs. (1) and (6) are computed from.
+    /// M, the trials Eqs. (1) and (6) are computed from.
     pub n_elites: usize,
+    pub elites: Elites,
+    pub weights: Weights,
+    pub scatter: Scatter,
+    /// Only the last so many trials may be elites; 0 for all. Where outcomes are noisy, a lucky
+    /// elite must not stay for ever.
+    pub memory: u64,
     /// Rollouts drawn around θ₀ before the first update (after rollout 1, which is θ₀).
     pub n_initial: u64,
     pub initial_std: f64,
     /// Exploration floor: Σ₀ = floor_std²·I.
     pub floor_std: f64,
-    /// Factor on the floor per rollout after the first adapted one; 1 keeps it.
+    /// Factor on the floor per rollout from the first adapted one on, or, where successes are the
+    /// elites, from the first one adapted to a success; 1 keeps it.
     pub floor_decay: f64,
     /// Where the decay of the floor ends.
     pub floor_min: f64,
@@ -33,12 +75,16 @@ pub struct PowerConfig {
 impl Default for PowerConfig {
     fn default() -> Self {
         PowerConfig {
-            n_elites: 5,
-            n_initial: 20,
-            initial_std: 0.7,
-            floor_std: 0.2,
-            floor_decay: 0.99,
-            floor_min: 0.05,
+            n_elites: 10,
+            elites: Elites::Successes,
+            weights: Weights::Rank,
+            scatter: Scatter::New,
+            memory: 0,
+            n_initial: 15,
+            initial_std: 1.0,
+            floor_std: 0.5,
+            floor_decay: 0.98,
+            floor_min: 0.1,
         }
     }
 }
@@ -48,6 +94,7 @@ impl PowerConfig {
     pub fn ranges(&self) -> Vec<Range> {
         vec![
             range("n_elites", self.n_elites as f64, 1.0, 1e4),
+            range("memory", self.memory as f64, 0.0, 1e6),
             range("n_initial", self.n_initial as f64, 0.0, 1e4),
             range("initial_std", self.initial_std, 0.0, 100.0),
             range("floor_std", self.floor_std, 0.0, 100.0),
@@ -62,70 +109,72 @@ pub(super) fn by_reward(a: &Trial, b: &Trial) -> Ordering {
     b.reward.total_cmp(&a.reward).then(a.rollout.cmp(&b.rollout))
 }
 
-/// w_m = r_m / Σ r, or `None` when nothing was rewarded. Scaled by the best reward first, so that
-/// rewards near the ends of the number range neither overflow nor vanish.
-fn reward_weights(elites: &[Trial]) -> Option<Vec<f64>> {
+/// wₘ = r(Θₘ)/Σ r or by rank, of `elites` from the best down; `None` when nothing was rewarded.
+/// Rewards are scaled by the best one first, so that those near the ends of the number range
+/// neither overflow nor vanish.
+fn weights(kind: Weights, elites: &[Trial]) -> Option<Vec<f64>> {
     let best = elites.iter().map(|trial| trial.reward).fold(0.0, f64::max);
     if best <= 0.0 {
         return None;
     }
-    let relative: Vec<f64> = elites.iter().map(|trial| trial.reward / best).collect();
-    let sum: f64 = relative.iter().sum();
-    Some(relative.into_iter().map(|weight| weight / sum).collect())
+    let m = elites.len() as f64;
+    let raw: Vec<f64> = match kind {
+        Weights::Reward => elites.iter().map(|trial| trial.reward / best).collect(),
+        Weights::Rank => (1..=elites.len()).map(|i| (m + 0.5).ln() - (i as f64).ln()).collect(),
+    };
+    let sum: f64 = raw.iter().sum();
+    Some(raw.into_iter().map(|weight| weight / sum).collect())
 }
 
-/// Eq. (1): Θ⁽ⁿ⁾ = Θ⁽ⁿ⁻¹⁾ + Σₘ r(Θₘ)[Θₘ − Θ⁽ⁿ⁻¹⁾] / Σₘ r(Θₘ) over the `elites`.
-///
-/// Without any reward the mean stays.
-pub fn power_mean(theta_old: &DVector<f64>, elites: &[Trial]) -> DVector<f64> {
-    let Some(weights) = reward_weights(elites) else { return theta_old.clone() };
+/// Eq. (1): Θ⁽ⁿ⁾ = Θ⁽ⁿ⁻¹⁾ + Σₘ wₘ[Θₘ − Θ⁽ⁿ⁻¹⁾] over the `elites`, with wₘ = r(Θₘ)/Σ r.
+pub fn power_mean(theta_old: &DVector<f64>, elites: &[Trial], weights: &[f64]) -> DVector<f64> {
     let mut mean = theta_old.clone();
     for (trial, weight) in elites.iter().zip(weights) {
-        mean += (&trial.theta - theta_old) * weight;
+        mean += (&trial.theta - theta_old) * *weight;
     }
     mean
 }
 
-/// Eq. (6) without Σ₀, as factors: fₘ = √wₘ [Θₘ − Θ⁽ⁿ⁻¹⁾] with Σₘ fₘfₘᵀ = Σ⁽ⁿ⁾ − Σ₀ and
-/// wₘ = r(Θₘ)/Σ r; `None` without any reward. About the *old* mean, as printed.
-fn scatter_factors(theta_old: &DVector<f64>, elites: &[Trial]) -> Option<Vec<DVector<f64>>> {
-    let weights = reward_weights(elites)?;
-    let factor = |(trial, w): (&Trial, f64)| (&trial.theta - theta_old) * w.sqrt();
-    Some(elites.iter().zip(weights).map(factor).collect())
+/// Eq. (6) without Σ₀, as factors: fₘ = √wₘ [Θₘ − `centre`] with Σₘ fₘfₘᵀ = Σ⁽ⁿ⁾ − Σ₀. As printed,
+/// the centre is Θ⁽ⁿ⁻¹⁾.
+fn scatter_factors(centre: &DVector<f64>, elites: &[Trial], weights: &[f64]) -> Vec<DVector<f64>> {
+    let factor = |(trial, w): (&Trial, &f64)| (&trial.theta - centre) * w.sqrt();
+    elites.iter().zip(weights).map(factor).collect()
 }
 
-/// Eq. (6): Σ⁽ⁿ⁾ = Σₘ r(Θₘ)[Θₘ − Θ⁽ⁿ⁻¹⁾][Θₘ − Θ⁽ⁿ⁻¹⁾]ᵀ / Σₘ r(Θₘ) + Σ₀, dense (D×D).
-///
-/// `None` without any reward: the covariance stays.
+/// Eq. (6): Σ⁽ⁿ⁾ = Σₘ wₘ[Θₘ − Θ⁽ⁿ⁻¹⁾][Θₘ − Θ⁽ⁿ⁻¹⁾]ᵀ + Σ₀, dense (D×D).
 pub fn power_covariance(
     theta_old: &DVector<f64>,
     elites: &[Trial],
+    weights: &[f64],
     sigma_0: &DMatrix<f64>,
-) -> Option<DMatrix<f64>> {
-    let weights = reward_weights(elites)?;
+) -> DMatrix<f64> {
     let mut covariance = sigma_0.clone();
     for (trial, weight) in elites.iter().zip(weights) {
         let deviation = &trial.theta - theta_old;
-        covariance += &deviation * deviation.transpose() * weight;
+        covariance += &deviation * deviation.transpose() * *weight;
     }
-    Some(covariance)
+    covariance
 }
 
-/// The search. Only the elites are kept: no other trial can influence an update again.
+/// The search.
 pub struct Power {
     config: PowerConfig,
     seed: u64,
     mean: DVector<f64>,
-    elites: Vec<Trial>,
+    /// Best first: every trial that can still become an elite.
+    kept: Vec<Trial>,
     n_told: u64,
     /// Factors of Eq. (6); `None` before the first update: N(θ₀, initial_std²·I).
     factors: Option<Vec<DVector<f64>>>,
+    /// The first rollout drawn while the floor falls.
+    falls_from: Option<u64>,
 }
 
 impl Power {
     pub fn new(config: PowerConfig, seed: u64, space: Space) -> Self {
-        let mean = space.theta_0;
-        Power { config, seed, mean, elites: Vec::new(), n_told: 0, factors: None }
+        let (mean, kept) = (space.theta_0, Vec::new());
+        Power { config, seed, mean, kept, n_told: 0, factors: None, falls_from: None }
     }
 
     /// Standard deviation of the isotropic part of the distribution of `rollout`.
@@ -136,9 +185,53 @@ impl Power {
         if self.factors.is_none() {
             return self.config.initial_std;
         }
-        let n_adapted = rollout.saturating_sub(self.config.n_initial + 2) as f64;
-        let floor = self.config.floor_std * self.config.floor_decay.powf(n_adapted);
+        let n_fallen = self.falls_from.map_or(0, |from| rollout.saturating_sub(from));
+        let floor = self.config.floor_std * self.config.floor_decay.powf(n_fallen as f64);
         floor.max(self.config.floor_min)
+    }
+
+    fn keep(&mut self, trial: &Trial) {
+        let place = self.kept.partition_point(|other| by_reward(other, trial) == Ordering::Less);
+        self.kept.insert(place, trial.clone());
+        let PowerConfig { n_elites, memory, .. } = self.config;
+        if memory > 0 {
+            self.kept.retain(|other| other.rollout + memory > trial.rollout);
+            return;
+        }
+        // Nothing is ever forgotten, so who is no elite now will not become one.
+        let (mut rank, mut rank_of_success) = (0, 0);
+        self.kept.retain(|other| {
+            rank += 1;
+            rank_of_success += usize::from(other.success);
+            rank <= n_elites || (other.success && rank_of_success <= n_elites)
+        });
+    }
+
+    /// The trials to learn from, best first, and whether they are the successes.
+    fn elites(&self) -> (Vec<Trial>, bool) {
+        let successful =
+            self.config.elites == Elites::Successes && self.kept.iter().any(|trial| trial.success);
+        let chosen = self.kept.iter().filter(|trial| trial.success || !successful);
+        (chosen.take(self.config.n_elites).cloned().collect(), successful)
+    }
+
+    /// Eqs. (1) and (6), which share Θ⁽ⁿ⁻¹⁾. Without any reward mean and covariance stay.
+    fn update(&mut self) {
+        let (elites, successful) = self.elites();
+        if successful || self.config.elites == Elites::All {
+            self.falls_from.get_or_insert(self.n_told + 1);
+        }
+        let Some(weights) = weights(self.config.weights, &elites) else { return };
+        let mean = power_mean(&self.mean, &elites, &weights);
+        let factors = if successful && self.config.scatter == Scatter::New {
+            let m = elites.len() as f64;
+            let unbiased = (m / (m - 1.0).max(1.0)).sqrt();
+            let factors = scatter_factors(&mean, &elites, &weights);
+            factors.into_iter().map(|factor| factor * unbiased).collect()
+        } else {
+            scatter_factors(&self.mean, &elites, &weights)
+        };
+        (self.factors, self.mean) = (Some(factors), mean);
     }
 }
 
@@ -164,16 +257,9 @@ impl Search for Power {
     fn tell(&mut self, trial: &Trial) {
         assert!(trial.reward.is_finite() && trial.reward >= 0.0, "reward {}", trial.reward);
         self.n_told += 1;
-        let place = self.elites.partition_point(|elite| by_reward(elite, trial) == Ordering::Less);
-        self.elites.insert(place, trial.clone());
-        self.elites.truncate(self.config.n_elites);
-        if self.n_told <= self.config.n_initial {
-            return;
-        }
-        // Eqs. (1) and (6) share Θ⁽ⁿ⁻¹⁾: the covariance first, then the mean moves.
-        if let Some(factors) = scatter_factors(&self.mean, &self.elites) {
-            self.factors = Some(factors);
-            self.mean = power_mean(&self.mean, &self.elites);
+        self.keep(trial);
+        if self.n_told > self.config.n_initial {
+            self.update();
         }
     }
 

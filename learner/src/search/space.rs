@@ -63,6 +63,23 @@ impl Bounds {
     }
 }
 
+/// The smallest singular value of a usable L, relative to the largest: far above rounding, far
+/// below directions that differ.
+const RANK_TOLERANCE: f64 = 1e-6;
+
+/// Why a matrix of directions cannot be searched.
+#[derive(Debug, Error, PartialEq)]
+pub enum DirectionsError {
+    #[error("the directions have {found} parameters, the start {dim}: they must agree")]
+    Length { dim: usize, found: usize },
+    #[error(
+        "the {directions} exploration directions are not independent (smallest singular value \
+         {smallest:.1e}, largest {largest:.1e}): leave out one that others combine to, by setting \
+         its amount in learner.exploration to 0"
+    )]
+    Rank { directions: usize, smallest: f64, largest: f64 },
+}
+
 /// Where and how a search begins.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Space {
@@ -82,8 +99,31 @@ impl Space {
         Space { theta_0, exploration: DMatrix::identity(dim, dim), bounds: None }
     }
 
+    /// Noise along the columns of `directions` (D×k) around `theta_0`, no box.
+    pub fn along(
+        theta_0: DVector<f64>,
+        directions: DMatrix<f64>,
+    ) -> Result<Space, DirectionsError> {
+        let (found, columns) = directions.shape();
+        if found != theta_0.len() {
+            return Err(DirectionsError::Length { dim: theta_0.len(), found });
+        }
+        let singular = directions.singular_values();
+        let (smallest, largest) = (singular.min(), singular.max());
+        if columns > found || smallest <= RANK_TOLERANCE * largest || !largest.is_finite() {
+            return Err(DirectionsError::Rank { directions: columns, smallest, largest });
+        }
+        Ok(Space { theta_0, exploration: directions, bounds: None })
+    }
+
     pub fn dim(&self) -> usize {
         self.theta_0.len()
+    }
+
+    /// White noise on every parameter.
+    pub fn is_white(&self) -> bool {
+        let (rows, columns) = self.exploration.shape();
+        rows == columns && self.exploration == DMatrix::identity(rows, columns)
     }
 }
 

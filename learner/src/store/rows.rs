@@ -67,9 +67,10 @@ pub struct Event {
 
 /// Columns of `trials` in the order [`trial_from_row`] reads them.
 pub(super) const TRIAL_COLUMNS: &str = "rollout, theta, reward, policy_id, policy_digest, boot_id, \
-     applied_tick, fault, n_records, set_aside, outcome_flags, value, release_time_s, release_speed_m_s, \
+     applied_tick, fault, n_records, set_aside, outcome_flags, value, release_time_s, \
+     release_speed_m_s, \
      release_spin_rad_s, apex_m, crossing_time_s, flip_angle_rad, distance_m, lateral_m, \
-     final_lateral_m";
+     final_lateral_m, release_pitch_rate_rad_s, bounce_s, clipped_share";
 
 /// A trial; the error says which value is damaged.
 pub(super) fn trial_from_row(row: &Row<'_>) -> rusqlite::Result<Result<TrialRecord, String>> {
@@ -90,6 +91,9 @@ pub(super) fn trial_from_row(row: &Row<'_>) -> rusqlite::Result<Result<TrialReco
         distance_m: row.get(18)?,
         lateral_m: row.get(19)?,
         final_lateral_m: row.get(20)?,
+        release_pitch_rate_rad_s: row.get(21)?,
+        bounce_s: row.get(22)?,
+        clipped_share: row.get(23)?,
     };
     let (Some(theta), Some(policy_digest), Some(boot_id)) = (theta, digest, boot_id) else {
         return Ok(Err(format!("trial {rollout}: theta, policy_digest or boot_id is damaged")));
@@ -139,9 +143,10 @@ pub(super) fn insert_trial(
 ) -> rusqlite::Result<()> {
     let query = format!(
         "INSERT INTO trials ({TRIAL_COLUMNS}, success, path) VALUES (:rollout, :theta, :reward, \
-         :policy_id, :policy_digest, :boot_id, :applied_tick, :fault, :n_records, :set_aside, :flags, \
-         :value, :release_time_s, :release_speed_m_s, :release_spin_rad_s, :apex_m, :crossing_time_s, \
-         :flip_angle_rad, :distance_m, :lateral_m, :final_lateral_m, :success, :path)"
+         :policy_id, :policy_digest, :boot_id, :applied_tick, :fault, :n_records, :set_aside, \
+         :flags, :value, :release_time_s, :release_speed_m_s, :release_spin_rad_s, :apex_m, \
+         :crossing_time_s, :flip_angle_rad, :distance_m, :lateral_m, :final_lateral_m, \
+         :release_pitch_rate_rad_s, :bounce_s, :clipped_share, :success, :path)"
     );
     let outcome = &trial.outcome;
     transaction.execute(
@@ -168,6 +173,9 @@ pub(super) fn insert_trial(
             ":distance_m": outcome.distance_m,
             ":lateral_m": outcome.lateral_m,
             ":final_lateral_m": outcome.final_lateral_m,
+            ":release_pitch_rate_rad_s": outcome.release_pitch_rate_rad_s,
+            ":bounce_s": outcome.bounce_s,
+            ":clipped_share": outcome.clipped_share,
             ":success": trial.success(),
             ":path": path::encode(path),
         },

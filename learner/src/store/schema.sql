@@ -45,6 +45,9 @@ CREATE TABLE trials (
     distance_m REAL NOT NULL,
     lateral_m REAL NOT NULL,
     final_lateral_m REAL NOT NULL,
+    release_pitch_rate_rad_s REAL NOT NULL,
+    bounce_s REAL NOT NULL,
+    clipped_share REAL NOT NULL,
     path BLOB NOT NULL
 ) STRICT;
 

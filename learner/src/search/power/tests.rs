@@ -28,7 +28,11 @@ fn plain() -> PowerConfig {
         initial_std: 0.5,
         floor_std: 0.2,
         floor_decay: 1.0,
-        ..PowerConfig::default()
+        floor_min: 0.05,
+        elites: Elites::All,
+        weights: Weights::Reward,
+        scatter: Scatter::Old,
+        memory: 0,
     }
 }
 
@@ -47,10 +51,12 @@ fn matches_the_reference_vectors() {
         let n = if case.n_elites == 0 { case.r.len() } else { case.n_elites };
         let elites = elites(trials(&case.theta, &case.r), n);
         let theta_old = DVector::from_vec(case.theta_old);
-        let mean = power_mean(&theta_old, &elites);
+        let weights = weights(Weights::Reward, &elites).unwrap();
+        let mean = power_mean(&theta_old, &elites, &weights);
         let expected = DVector::from_vec(case.theta_new);
         assert!((mean - &expected).amax() <= 1e-12 * expected.amax(), "mean, D = {}", case.dim);
-        let covariance = power_covariance(&theta_old, &elites, &matrix(&case.sigma0)).unwrap();
+        let sigma_0 = matrix(&case.sigma0);
+        let covariance = power_covariance(&theta_old, &elites, &weights, &sigma_0);
         let expected = matrix(&case.sigma_new);
         assert!((covariance - &expected).amax() <= 1e-12 * expected.amax(), "D = {}", case.dim);
     }
@@ -88,7 +94,8 @@ fn sampler_has_the_covariance_of_eq_6() {
     }
     f.view_mut((0, factors.len()), (12, 12)).fill_diagonal(search.floor(31));
     let sigma_0 = DMatrix::identity(12, 12) * config.floor_std.powi(2);
-    let dense = power_covariance(&old_mean, &search.elites, &sigma_0).unwrap();
+    let weights = weights(Weights::Reward, &search.kept).unwrap();
+    let dense = power_covariance(&old_mean, &search.kept, &weights, &sigma_0);
     assert!((&f * f.transpose() - &dense).amax() <= 1e-14 * dense.amax());
     let std = search.snapshot(31).std;
     assert!((std.component_mul(&std) - dense.diagonal()).amax() < 1e-14);
@@ -161,7 +168,8 @@ fn without_any_reward_mean_and_covariance_stay() {
     let search = run(plain(), 3, 30, |_| 0.0);
     assert_eq!(search.mean(), &DVector::zeros(12));
     assert_eq!(search.snapshot(31).std, DVector::from_element(12, 0.5));
-    assert_eq!(power_covariance(search.mean(), &search.elites, &DMatrix::zeros(12, 12)), None);
+    assert_eq!(weights(Weights::Reward, &search.kept), None);
+    assert_eq!(weights(Weights::Rank, &search.kept), None);
 }
 
 #[test]
@@ -194,4 +202,55 @@ fn same_seed_same_bits_and_asking_twice_changes_nothing() {
 fn climbs_the_hill() {
     let search = run(plain(), 8, 200, hill);
     assert!(hill(search.mean()) > 0.9, "r(mean) = {}", hill(search.mean()));
+}
+
+/// θ = `theta` in one dimension.
+fn tell(search: &mut Power, rollout: u64, theta: f64, reward: f64, success: bool) {
+    search.tell(&Trial { rollout, theta: DVector::from_element(1, theta), reward, success });
+}
+
+fn two_phases() -> PowerConfig {
+    PowerConfig { n_elites: 2, n_initial: 2, floor_decay: 0.9, ..PowerConfig::default() }
+}
+
+#[test]
+fn successes_take_over_from_better_rewarded_failures() {
+    let mut search = Power::new(two_phases(), 1, Space::white(DVector::zeros(1)));
+    tell(&mut search, 1, 0.0, 0.1, false);
+    tell(&mut search, 2, 4.0, 3.0, false);
+    tell(&mut search, 3, 2.0, 2.0, false);
+    // ln(2.5) : ln(2.5) − ln 2, about the old mean.
+    let w = 2.5_f64.ln() / (2.0 * 2.5_f64.ln() - 2_f64.ln());
+    let mean = w * 4.0 + (1.0 - w) * 2.0;
+    assert!((search.mean()[0] - mean).abs() < 1e-12);
+    let variance = w * 16.0 + (1.0 - w) * 4.0 + 0.25;
+    assert!((search.snapshot(4).std[0] - variance.sqrt()).abs() < 1e-12);
+    assert_eq!(search.floor(40), 0.5, "the floor waits for a success");
+
+    tell(&mut search, 4, -1.0, 0.5, true);
+    assert!((search.mean()[0] + 1.0).abs() < 1e-12);
+    assert!((search.snapshot(5).std[0] - 0.5).abs() < 1e-12, "one success alone has no spread");
+    assert!((search.floor(7) - 0.5 * 0.81).abs() < 1e-12, "now it falls");
+
+    tell(&mut search, 5, -3.0, 0.4, true);
+    tell(&mut search, 6, -9.0, 0.3, true);
+    let mean = w * -1.0 + (1.0 - w) * -3.0;
+    assert!((search.mean()[0] - mean).abs() < 1e-12, "the best two successes");
+    let spread = 2.0 * (w * (-1.0 - mean).powi(2) + (1.0 - w) * (-3.0 - mean).powi(2));
+    let floor = search.floor(7);
+    assert!((search.snapshot(7).std[0] - (spread + floor * floor).sqrt()).abs() < 1e-12);
+}
+
+#[test]
+fn a_lucky_trial_leaves_the_memory() {
+    let remember = |memory| {
+        let config = PowerConfig { memory, n_elites: 1, n_initial: 0, ..PowerConfig::default() };
+        let mut search = Power::new(config, 1, Space::white(DVector::zeros(1)));
+        tell(&mut search, 1, 7.0, 9.0, true);
+        for rollout in 2..=4 {
+            tell(&mut search, rollout, rollout as f64, 1.0, true);
+        }
+        search.mean()[0]
+    };
+    assert_eq!((remember(0), remember(4), remember(3)), (7.0, 7.0, 2.0));
 }

@@ -1,0 +1,53 @@
+//! One whole rollout in this process, without transport, pace or threads: for studies.
+//!
+//! It ticks as the rt thread does, so that its numbers are those of a session, bit for bit.
+
+use physics::plant::Plant;
+use shm_types::episode::{OutcomeMsg, TickRecord};
+use shm_types::policy::PolicyMsg;
+
+use crate::admission::{AdmissionError, admit};
+use crate::config::ControllerConfig;
+use crate::outcome_message::outcome_message;
+use crate::recording::Recording;
+use crate::rollout::Phase;
+use crate::run::Controlled;
+use crate::tick::Controller;
+
+/// An executed rollout.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Simulated {
+    pub outcome: OutcomeMsg,
+    /// First fault, or 0.
+    pub fault: u64,
+    /// Records written, from the start of the slice.
+    pub n_records: usize,
+}
+
+/// Runs `policy` from a fresh world to its end, if it is admitted. As many of its ticks as fit are
+/// written to `records`; an empty slice takes none.
+pub fn simulate<P: Plant>(
+    controlled: &mut Controlled<P>,
+    config: &ControllerConfig,
+    policy: &PolicyMsg,
+    records: &mut [TickRecord],
+) -> Result<Simulated, AdmissionError> {
+    let policy = admit(policy, controlled.model, config)?;
+    let mut controller =
+        Controller::new(controlled.model, &controlled.q0, config, &controlled.outcome);
+    let (mut recording, mut scratch) = (Recording::default(), TickRecord::ZERO);
+    controlled.plant.reset();
+    controller.start(&policy, &controlled.plant.measure().q);
+    while controller.phase() != Phase::Idle {
+        let measured = controlled.plant.measure();
+        let record = recording.next(&controller, records).unwrap_or(&mut scratch);
+        let tau = controller.tick(&measured, record);
+        controlled.plant.apply(&tau);
+        controlled.plant.advance();
+    }
+    Ok(Simulated {
+        outcome: outcome_message(&controller),
+        fault: controller.fault() as u64,
+        n_records: recording.n_records,
+    })
+}

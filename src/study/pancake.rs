@@ -1,0 +1,210 @@
+//! Pancake flipping: when each method first succeeds, how reliably late in a session, and how
+//! robust its answer is to another pancake.
+
+use anyhow::{Context, Result};
+use learner::exploration::ExplorationKind;
+use learner::problem::Problem;
+use learner::reward::RewardKind;
+use learner::search::Search;
+use learner::search::normals::stream;
+use learner::search::power::{Elites, PowerConfig, Scatter, Weights};
+use learner::summary::LATE_TRIALS;
+use learner::trial::{Proposal, Trial};
+use learner::{Demonstration, LearnerConfig};
+use nalgebra::DVector;
+use physics::arm::ArmModel;
+use physics::outcome::OutcomeConfig;
+use physics::pancake::{PancakeConfig, PancakePlant};
+use rand::RngExt;
+use rt_controller::run::Controlled;
+use rt_controller::simulate::simulate;
+use shm_types::episode::{OUTCOME_SUCCESS, OutcomeMsg};
+
+use super::Sample;
+use crate::config::Config;
+use crate::setup;
+
+/// Perturbed rollouts that judge an answer.
+const N_PERTURBED: u64 = 20;
+/// A first success by this rollout is an early one.
+const EARLY: u64 = 45;
+/// Streams of random numbers beyond those of the rollouts: worlds to judge in, worlds to learn in.
+const JUDGING: u64 = 1 << 32;
+const LEARNING: u64 = 2 << 32;
+/// Part of the pan's mass that a wrong model of the arm knows of.
+const KNOWN_MASS: f64 = 0.7;
+
+/// A way to learn.
+struct Method {
+    name: &'static str,
+    config: fn(&mut LearnerConfig),
+    /// Every rollout has another pancake.
+    perturbed: bool,
+    /// The controller's model of the arm has too light a pan.
+    wrong_mass: bool,
+}
+
+const PLAIN: Method = Method { name: "", config: |_| {}, perturbed: false, wrong_mass: false };
+
+const METHODS: &[Method] = &[
+    Method { name: "demonstration", ..PLAIN },
+    Method { name: "white", config: white, ..PLAIN },
+    Method { name: "paper", config: paper, ..PLAIN },
+    Method { name: "wrong mass", wrong_mass: true, ..PLAIN },
+    Method { name: "perturbed", perturbed: true, ..PLAIN },
+    Method {
+        name: "perturbed, memory 20",
+        config: |c| c.search.power.memory = 20,
+        perturbed: true,
+        ..PLAIN
+    },
+];
+
+/// The default search on all parameters.
+fn white(config: &mut LearnerConfig) {
+    config.exploration.kind = ExplorationKind::White;
+}
+
+/// Reward and search of the paper, with the settings that suit them best.
+fn paper(config: &mut LearnerConfig) {
+    white(config);
+    config.reward.kind = RewardKind::Paper;
+    config.search.power = PowerConfig {
+        n_elites: 5,
+        elites: Elites::All,
+        weights: Weights::Reward,
+        scatter: Scatter::Old,
+        memory: 0,
+        n_initial: 20,
+        initial_std: 0.7,
+        floor_std: 0.2,
+        floor_decay: 0.99,
+        floor_min: 0.05,
+    };
+}
+
+pub fn run_seed(seed: u64) -> Result<Vec<Sample>> {
+    let only = std::env::var("SKILLET_METHODS").ok();
+    let mut samples = Vec::new();
+    for method in
+        METHODS.iter().filter(|m| only.as_ref().is_none_or(|o| o.split(';').any(|o| o == m.name)))
+    {
+        samples.extend(run_method(method, seed)?);
+    }
+    Ok(samples)
+}
+
+fn run_method(method: &Method, seed: u64) -> Result<Vec<Sample>> {
+    let mut config = Config::default();
+    config.learner.seed = seed;
+    if let Ok(path) = std::env::var("SKILLET_STUDY_CONFIG") {
+        config = Config::load(Some(std::path::Path::new(&path)))?;
+        config.learner.seed = seed;
+    }
+    (method.config)(&mut config.learner);
+    let bench = Bench::new(config, method.wrong_mass)?;
+    let demonstration = setup::demonstration(&bench.config)?;
+    let (successes, answer) = learn(&bench, &demonstration, method.perturbed)?;
+
+    let judged: Result<Vec<OutcomeMsg>> = (0..N_PERTURBED)
+        .map(|n| bench.rollout(&answer.0, &answer.1, &bench.perturbed(seed, JUDGING + n)))
+        .collect();
+    let robust = judged?.iter().filter(|outcome| outcome.has(OUTCOME_SUCCESS)).count();
+    let first = successes.iter().position(|success| *success).map(|at| at as u64 + 1);
+    let late = &successes[successes.len().saturating_sub(LATE_TRIALS)..];
+    let late_rate = late.iter().filter(|success| **success).count() as f64 / late.len() as f64;
+    let name = method.name;
+    Ok(vec![
+        Sample::median(name, "first success", first.map_or(f64::INFINITY, |first| first as f64)),
+        Sample::rate(name, "success by 100", first.is_some()),
+        Sample::rate(name, "success by 45", first.is_some_and(|first| first <= EARLY)),
+        Sample::mean(name, "success in the last 20", late_rate),
+        Sample::mean(name, "robustness", robust as f64 / N_PERTURBED as f64),
+    ])
+}
+
+/// Success of each rollout, and the search's answer.
+fn learn(
+    bench: &Bench,
+    demonstration: &Demonstration,
+    perturbed: bool,
+) -> Result<(Vec<bool>, (Problem, DVector<f64>))> {
+    let config = &bench.config.learner;
+    let problem = Problem::new(config, demonstration)?;
+    let mut search: Box<dyn Search> = problem.search(config);
+    let mut successes = Vec::new();
+    for rollout in 1..=config.rollouts {
+        let Proposal { theta, .. } = search.ask(rollout);
+        let world =
+            if perturbed { bench.perturbed(config.seed, LEARNING + rollout) } else { bench.world };
+        let outcome = bench.rollout(&problem, &theta, &world)?;
+        if std::env::var("SKILLET_TRACE").is_ok() {
+            eprintln!(
+                "{rollout} {} {:.3} {:?}",
+                outcome.has(OUTCOME_SUCCESS),
+                config.reward.reward(&outcome),
+                outcome.fields().map(|f| (f.1 * 100.0).round() / 100.0)
+            );
+        }
+        let (reward, success) = (config.reward.reward(&outcome), outcome.has(OUTCOME_SUCCESS));
+        search.tell(&Trial { rollout, theta, reward, success });
+        successes.push(success);
+    }
+    let mean = search.mean().clone();
+    Ok((successes, (problem, mean)))
+}
+
+/// Arm, controller and world of a method.
+struct Bench {
+    config: Config,
+    /// The arm, and what the controller takes it for.
+    arm: ArmModel,
+    model: ArmModel,
+    world: PancakeConfig,
+}
+
+impl Bench {
+    fn new(config: Config, wrong_mass: bool) -> Result<Bench> {
+        let (arm, world) = (setup::arm(&config)?, config.plant.world(config.controller.period_s()));
+        let model = if wrong_mass { light_pan(&config)? } else { setup::arm(&config)? };
+        Ok(Bench { config, arm, model, world })
+    }
+
+    /// The world with another pancake: start ±1 cm, mass ±10 %, friction ±20 %.
+    fn perturbed(&self, seed: u64, draw: u64) -> PancakeConfig {
+        let mut rng = stream(seed, draw);
+        let mut within = |reach: f64| rng.random_range(-reach..=reach);
+        let [x, y] = self.world.pancake_offset;
+        PancakeConfig {
+            pancake_offset: [x + within(0.01), y + within(0.01)],
+            pancake_mass: self.world.pancake_mass * (1.0 + within(0.1)),
+            friction: self.world.friction * (1.0 + within(0.2)),
+            ..self.world
+        }
+    }
+
+    fn rollout(
+        &self,
+        problem: &Problem,
+        theta: &DVector<f64>,
+        world: &PancakeConfig,
+    ) -> Result<OutcomeMsg> {
+        let policy = problem.decode(theta, Default::default());
+        let q0 = self.config.plant.start_posture();
+        let mut plant = PancakePlant::new(&self.arm, &q0, world);
+        let outcome = OutcomeConfig { pan_radius: world.pan_radius, ..OutcomeConfig::default() };
+        let mut controlled = Controlled { model: &self.model, plant: &mut plant, q0, outcome };
+        let rollout = simulate(&mut controlled, &self.config.controller, &policy, &mut [])?;
+        Ok(rollout.outcome)
+    }
+}
+
+/// The built-in arm with a part of its pan's mass.
+fn light_pan(config: &Config) -> Result<ArmModel> {
+    let (before, pan) = setup::WAM7_URDF.split_once("<link name=\"pan\">").context("no pan")?;
+    let (head, rest) = pan.split_once("<mass value=\"").context("no mass")?;
+    let (mass, tail) = rest.split_once('"').context("no mass")?;
+    let mass = KNOWN_MASS * mass.parse::<f64>().context("no mass")?;
+    let urdf = format!("{before}<link name=\"pan\">{head}<mass value=\"{mass}\"{tail}");
+    Ok(ArmModel::from_urdf(&urdf, &config.plant.tip)?)
+}
