@@ -5,6 +5,7 @@ use std::path::Path;
 
 use learner::config::LearnerConfig;
 use learner::learner::{MODE_POLICY_ID, SESSION_FILE};
+use learner::reward::{RewardConfig, RewardKind};
 use learner::search::power::PowerConfig;
 use learner::search::{Method, SearchConfig};
 use learner::store::SessionMeta;
@@ -25,7 +26,8 @@ fn config(seed: u64) -> LearnerConfig {
     // A short initial batch, so that a dozen trials have updated the search.
     let power = PowerConfig { n_initial: 10, ..Default::default() };
     let search = SearchConfig { power, ..Default::default() };
-    LearnerConfig { seed, search, ..Default::default() }
+    let reward = RewardConfig { kind: RewardKind::Paper, ..Default::default() };
+    LearnerConfig { seed, search, reward, ..Default::default() }
 }
 
 fn create(directory: &Path, config: LearnerConfig) -> Learner {
@@ -105,8 +107,8 @@ fn resuming_after_40_trials_equals_100_without_a_stop() {
     let mut learner = create(split.path(), config(5));
     run(&mut learner, 40);
     drop(learner);
-    let mut learner =
-        Learner::resume(split.path(), "pancake", &config(5), &demonstration()).expect("resumes");
+    let mut learner = Learner::resume(split.path(), "pancake", &config(5), Some(&demonstration()))
+        .expect("resumes");
     assert_eq!(learner.durable_rollout(), 40);
     run(&mut learner, 100);
 
@@ -126,7 +128,7 @@ fn a_crash_after_publishing_loses_no_rollout() {
     drop(learner);
 
     let mut learner =
-        Learner::resume(directory.path(), "pancake", &config(2), &demonstration()).unwrap();
+        Learner::resume(directory.path(), "pancake", &config(2), Some(&demonstration())).unwrap();
     // The controller finished the rollout meanwhile: its episode counts without asking again.
     let (header, records) = execute(&published);
     assert_eq!(learner.complete(&published, &header, &records).unwrap().rollout, 16);
@@ -134,7 +136,7 @@ fn a_crash_after_publishing_loses_no_rollout() {
     drop(learner);
 
     let mut learner =
-        Learner::resume(directory.path(), "pancake", &config(2), &demonstration()).unwrap();
+        Learner::resume(directory.path(), "pancake", &config(2), Some(&demonstration())).unwrap();
     let again = learner.next_policy().unwrap();
     assert_eq!(again, learner.next_policy().unwrap());
     assert_eq!(learner.store().policy(17).unwrap(), Some(again));
@@ -239,7 +241,8 @@ fn a_rollout_set_aside_is_counted_and_not_learnt_and_the_session_resumes() {
     run(&mut learner, 20);
     let next = learner.next_policy().unwrap();
     drop(learner);
-    let mut resumed = Learner::resume(directory.path(), "pancake", &config(3)).unwrap();
+    let mut resumed =
+        Learner::resume(directory.path(), "pancake", &config(3), Some(&demonstration())).unwrap();
     assert_eq!(resumed.next_policy().unwrap(), next);
     let events = resumed.store().events().unwrap();
     assert!(events.iter().any(|event| event.text == "rollout 13: apex_m is NaN"));
@@ -253,13 +256,13 @@ fn resumes_only_with_its_own_task_configuration_and_history() {
     learner.next_policy().unwrap();
     drop(learner);
     let resume = |task: &str, config: &LearnerConfig| {
-        Learner::resume(directory.path(), task, config, &demonstration())
+        Learner::resume(directory.path(), task, config, Some(&demonstration()))
     };
     let refused = |task: &str, config: &LearnerConfig| resume(task, config).err().unwrap();
 
     let error = refused("skittles", &config(3)).to_string();
     assert!(error.contains("task `pancake`"), "{error}");
-    let error = refused("pancake", &config(4), &demonstration()).to_string();
+    let error = refused("pancake", &config(4)).to_string();
     assert!(error.contains("learner.seed is 4, but the session was started with 3"), "{error}");
     let error = refused("pancake", &LearnerConfig { kappa_p: -1.0, ..config(3) }).to_string();
     assert!(error.contains("learner.kappa_p is -1"), "{error}");
@@ -276,7 +279,7 @@ fn resumes_only_with_its_own_task_configuration_and_history() {
         ("UPDATE trials SET reward = reward + 1 WHERE rollout = 4", 12),
     ] {
         database.execute_batch(change).unwrap();
-        let error = refused("pancake", &config(3), &demonstration());
+        let error = refused("pancake", &config(3));
         assert!(
             matches!(error, LearnerError::NotReproduced { rollout } if rollout == not_reproduced),
             "{error}"
