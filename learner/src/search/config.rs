@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::algorithm1::Algorithm1Config;
 use super::power::PowerConfig;
 use super::random::RandomConfig;
+use super::tempered::TemperedConfig;
 use crate::range::{ConfigError, check};
 
 /// Which search proposes the policies.
@@ -17,6 +18,8 @@ pub enum Method {
     Random,
     /// Mixture search with split and merge as printed, Algorithm 1.
     Algorithm1,
+    /// Mixture search that is importance-corrected, tempered and finds its number of components.
+    Tempered,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -26,6 +29,7 @@ pub struct SearchConfig {
     pub power: PowerConfig,
     pub random: RandomConfig,
     pub algorithm1: Algorithm1Config,
+    pub tempered: TemperedConfig,
 }
 
 impl Default for SearchConfig {
@@ -35,6 +39,7 @@ impl Default for SearchConfig {
             power: PowerConfig::default(),
             random: RandomConfig::default(),
             algorithm1: Algorithm1Config::default(),
+            tempered: TemperedConfig::default(),
         }
     }
 }
@@ -45,6 +50,7 @@ impl SearchConfig {
         check("search.power.", &self.power.ranges())?;
         check("search.random.", &self.random.ranges())?;
         check("search.algorithm1.", &self.algorithm1.ranges())?;
+        check("search.tempered.", &self.tempered.ranges())?;
         Ok(())
     }
 }
