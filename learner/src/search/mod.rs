@@ -2,7 +2,6 @@
 
 pub mod batch;
 pub mod cem;
-pub mod climb;
 #[cfg(test)]
 mod comparators_tests;
 mod config;

@@ -3,9 +3,9 @@
 use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
 
-use super::batch::Gaussian;
-use super::power::by_reward;
 use crate::range::{Range, range};
+use crate::search::batch::Gaussian;
+use crate::search::power::by_reward;
 use crate::trial::Trial;
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -31,7 +31,7 @@ impl Default for ClimbConfig {
             n_elites: 8,
             n_initial: 8,
             floor_variance: 0.2,
-            floor_decay: 0.95,
+            floor_decay: 0.94,
             end_std: 1e-6,
             n_max: 400,
         }
