@@ -42,12 +42,35 @@ pub enum Verb {
 pub enum Task {
     /// Toss a pancake and catch it after a half flip
     Pancake,
+    /// Find the highest of three hills (Sec. 4.2, first experiment)
+    Landscape,
+    /// Swing a ball around a post into a skittle (Sec. 4.2, second experiment)
+    Skittles,
 }
 
 impl Task {
     pub fn name(self) -> &'static str {
         match self {
             Task::Pancake => "pancake",
+            Task::Landscape => "landscape",
+            Task::Skittles => "skittles",
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
+pub enum PreferArg {
+    /// The mode with the best trial
+    Best,
+    /// The mode that loses least when executed with errors
+    Tolerant,
+}
+
+impl From<PreferArg> for learner::modes::Prefer {
+    fn from(prefer: PreferArg) -> Self {
+        match prefer {
+            PreferArg::Best => learner::modes::Prefer::Best,
+            PreferArg::Tolerant => learner::modes::Prefer::Tolerant,
         }
     }
 }
@@ -84,6 +107,7 @@ Examples:
   skillet learn pancake                              100 rollouts into sessions/pancake-1
   skillet learn pancake --seed 7 --out s7            a session in s7; the same line resumes it
   skillet learn pancake --rollouts 20 --pace realtime --json
+  skillet learn skittles --target 1.2,0.0 --prefer tolerant
 
 Ctrl-C stops it with everything saved (exit code 1); the same command with --out resumes it.")]
 pub struct LearnArgs {
@@ -100,12 +124,25 @@ pub struct LearnArgs {
     /// Configuration file (TOML); see `skillet config`
     #[arg(long)]
     pub config: Option<PathBuf>,
+    /// Where the skittle stands, in m from the post (task skittles)
+    #[arg(long, value_name = "X,Y", value_parser = point, allow_hyphen_values = true)]
+    pub target: Option<[f64; 2]>,
+    /// Which of the modes found is the answer
+    #[arg(long, value_enum)]
+    pub prefer: Option<PreferArg>,
     /// Session folder; an existing session of the same task is resumed
     #[arg(long)]
     pub out: Option<PathBuf>,
     /// Print one JSON object at the end instead of a summary
     #[arg(long)]
     pub json: bool,
+}
+
+/// Two numbers with a comma between them.
+fn point(text: &str) -> Result<[f64; 2], String> {
+    let numbers: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse()).collect();
+    let numbers = numbers.map_err(|_| "write it as 1.2,0.0")?;
+    numbers.try_into().map_err(|_| "write two numbers, as 1.2,0.0".to_string())
 }
 
 #[derive(Args)]
@@ -178,6 +215,38 @@ pub enum PolicyVerb {
         /// Print JSON
         #[arg(long)]
         json: bool,
+    },
+    /// Show what the search has found: each mode with its best reward and its tolerance
+    #[command(after_help = "Example: skillet policy modes sessions/skittles-1 --prefer tolerant")]
+    Modes {
+        session: PathBuf,
+        /// Which mode the answer is; as the session was configured when absent
+        #[arg(long, value_enum)]
+        prefer: Option<PreferArg>,
+        /// Print JSON
+        #[arg(long)]
+        json: bool,
+    },
+    /// Forbid a mode; the next best is the answer, without new learning
+    #[command(after_help = "\
+Examples:
+  skillet policy forbid sessions/skittles-1 1
+  skillet policy forbid sessions/skittles-1 none    allow every mode again")]
+    Forbid {
+        session: PathBuf,
+        /// Number of the mode, as in `policy modes`, or `none`
+        mode: String,
+    },
+    /// Print the policy that is the session's answer, as JSON
+    #[command(after_help = "Example: skillet policy export sessions/skittles-1 --prefer best")]
+    Export {
+        session: PathBuf,
+        /// Which mode; as the session was configured when absent
+        #[arg(long, value_enum)]
+        prefer: Option<PreferArg>,
+        /// This mode, preferred or not
+        #[arg(long, conflicts_with = "prefer")]
+        mode: Option<usize>,
     },
     /// Show the parameters of one policy
     #[command(after_help = "Example: skillet policy show sessions/pancake-1 17 --json")]

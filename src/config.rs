@@ -4,8 +4,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use learner::LearnerConfig;
+use learner::reward::RewardKind;
 use physics::arm::JointVector;
 use physics::pancake::{PancakeConfig, WAM7_START_POSTURE};
+use physics::skittles::{self, SkittlesConfig};
 use rt_controller::ControllerConfig;
 use serde::{Deserialize, Serialize};
 
@@ -33,6 +35,8 @@ pub struct TaskConfig {
     pub name: String,
     /// CSV `t_s,x_m,y_m,z_m,pitch_rad`; the built-in demonstration when absent.
     pub demonstration: Option<PathBuf>,
+    /// Where the skittle stands (task skittles), m.
+    pub target_m: [f64; 2],
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -73,7 +77,15 @@ impl Default for CellConfig {
 
 impl Default for TaskConfig {
     fn default() -> Self {
-        TaskConfig { name: "pancake".into(), demonstration: None }
+        let target_m = skittles::TARGETS[0];
+        TaskConfig { name: "pancake".into(), demonstration: None, target_m }
+    }
+}
+
+impl TaskConfig {
+    /// The world of the task skittles.
+    pub fn skittles(&self) -> SkittlesConfig {
+        SkittlesConfig { target: self.target_m, ..Default::default() }
     }
 }
 
@@ -158,14 +170,37 @@ impl PlantConfig {
 }
 
 impl Config {
-    /// Reads `path`, or takes the defaults. Relative paths inside are relative to the file.
+    /// The defaults of a task.
+    pub fn of_task(name: &str) -> Config {
+        let mut config = Config::default();
+        config.task.name = name.into();
+        let learner = &mut config.learner;
+        match name {
+            "landscape" => {
+                learner.rollouts = 200;
+                learner.action.start = vec![8.0, 2.0];
+                learner.reward.kind = RewardKind::Value;
+            }
+            "skittles" => {
+                learner.rollouts = 200;
+                learner.action.start = vec![0.0, 7.5];
+                learner.action.min = skittles::BOX.0.to_vec();
+                learner.action.max = skittles::BOX.1.to_vec();
+                learner.reward.kind = RewardKind::Distance;
+            }
+            _ => {}
+        }
+        config
+    }
+
+    /// Reads `path`, or takes the defaults of the pancake. What the file does not say are the
+    /// defaults of its task. Relative paths inside are relative to the file.
     pub fn load(path: Option<&Path>) -> Result<Config> {
         let Some(path) = path else { return Ok(Config::default()) };
         let text = std::fs::read_to_string(path).with_context(|| {
             format!("{}: cannot read the configuration; check the path", path.display())
         })?;
-        // toml names line and field, and lists the fields it knows.
-        let mut config: Config = toml::from_str(&text)
+        let mut config = parse(&text)
             .with_context(|| format!("{}: not a valid configuration", path.display()))?;
         let folder = path.parent().unwrap_or(Path::new("."));
         for inner in [&mut config.task.demonstration, &mut config.plant.arm].into_iter().flatten() {
@@ -175,10 +210,24 @@ impl Config {
         Ok(config)
     }
 
+    /// The policy drives an arm; otherwise it is an action vector.
+    pub fn has_arm(&self) -> bool {
+        self.task.name == "pancake"
+    }
+
     pub fn validate(&self) -> Result<()> {
         shm_types::cell::Cell::new(&self.cell.name).context("cell.name")?;
-        if self.task.name != "pancake" {
-            bail!("task.name is '{}': this build knows pancake", self.task.name);
+        let name = &self.task.name;
+        if !["pancake", "landscape", "skittles"].contains(&name.as_str()) {
+            bail!("task.name is '{name}': use pancake, landscape or skittles");
+        }
+        if name == "skittles" {
+            self.task.skittles().validate().context("task.target_m")?;
+        }
+        let expected = if self.has_arm() { 0 } else { 2 };
+        let found = self.learner.action.start.len();
+        if found != expected {
+            bail!("learner.action.start has {found} numbers: the task {name} takes {expected}");
         }
         if !["error", "warn", "info", "debug", "trace"].contains(&self.log.level.as_str()) {
             bail!("log.level is '{}': use error, warn, info, debug or trace", self.log.level);
@@ -195,6 +244,27 @@ impl Config {
 
     pub fn to_toml(&self) -> Result<String> {
         toml::to_string(self).context("the configuration cannot be written as TOML")
+    }
+}
+
+/// The file's values over the defaults of its task.
+fn parse(text: &str) -> Result<Config, toml::de::Error> {
+    // First as it is: toml then names line and field, and lists the fields it knows.
+    let given: Config = toml::from_str(text)?;
+    let mut table = toml::Table::try_from(Config::of_task(&given.task.name))
+        .expect("a configuration is plain data");
+    overlay(&mut table, toml::from_str(text)?);
+    table.try_into()
+}
+
+fn overlay(base: &mut toml::Table, over: toml::Table) {
+    for (key, value) in over {
+        match (base.get_mut(&key), value) {
+            (Some(toml::Value::Table(base)), toml::Value::Table(over)) => overlay(base, over),
+            (_, value) => {
+                base.insert(key, value);
+            }
+        }
     }
 }
 
@@ -215,6 +285,25 @@ mod tests {
         let message = error.to_string();
         assert!(message.contains("line 3") && message.contains("rolouts"), "{message}");
         assert!(message.contains("`rollouts`"), "the message lists what is known: {message}");
+    }
+
+    #[test]
+    fn what_a_file_does_not_say_are_the_defaults_of_its_task() {
+        let config = parse("[task]\nname = \"landscape\"\n[learner]\nseed = 7\n").unwrap();
+        let expected = Config::of_task("landscape");
+        let learner = LearnerConfig { seed: 7, ..expected.learner.clone() };
+        assert_eq!(config, Config { learner, ..expected });
+    }
+
+    #[test]
+    fn every_task_has_valid_defaults() {
+        for name in ["pancake", "landscape", "skittles"] {
+            Config::of_task(name).validate().unwrap();
+        }
+        let mut config = Config::of_task("landscape");
+        config.learner.action.start.clear();
+        let message = format!("{:#}", config.validate().unwrap_err());
+        assert!(message.contains("the task landscape takes 2"), "{message}");
     }
 
     #[test]

@@ -48,11 +48,13 @@ const LINE_EVERY: u64 = 10;
 pub struct Progress {
     bar: Option<ProgressBar>,
     rollouts: u64,
+    has_flips: bool,
 }
 
 impl Progress {
-    /// For a session of `rollouts`, of which `done` are over already.
-    pub fn new(rollouts: u64, done: u64) -> Progress {
+    /// For a session of `rollouts`, of which `done` are over already; `has_flips` when the task
+    /// knows success.
+    pub fn new(rollouts: u64, done: u64, has_flips: bool) -> Progress {
         let bar = std::io::stderr().is_terminal().then(|| {
             let style = ProgressStyle::with_template(
                 "{bar:30.cyan/blue} {pos}/{len}  {msg}  {elapsed_precise}",
@@ -63,17 +65,15 @@ impl Progress {
             bar.set_message("starting controller and learner");
             bar
         });
-        Progress { bar, rollouts }
+        Progress { bar, rollouts, has_flips }
     }
 
     pub fn trial(&self, trial: &TrialLine) {
-        let message = format!(
-            "reward {:.3}  best {:.3}  flips {}{}",
-            trial.reward,
-            trial.best_reward,
-            trial.successes,
-            trial.first_success.map_or(String::new(), |first| format!(" (first {first})"))
-        );
+        let mut message = format!("reward {:.3}  best {:.3}", trial.reward, trial.best_reward);
+        if self.has_flips {
+            let first = trial.first_success.map_or(String::new(), |n| format!(" (first {n})"));
+            message += &format!("  flips {}{first}", trial.successes);
+        }
         match &self.bar {
             Some(bar) => {
                 bar.set_position(trial.rollout);

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use rustix::fs::{FlockOperation, flock};
 
-use crate::config::{Config, PlantConfig};
+use crate::config::{Config, PlantConfig, TaskConfig};
 use crate::setup;
 
 const CONFIG: &str = "session.toml";
@@ -84,11 +84,13 @@ impl SessionFolder {
     /// Writes configuration, demonstration and arm, so that the session needs no other file.
     pub fn write(&self, config: &Config) -> Result<()> {
         fs::create_dir_all(&self.dir).with_context(|| self.cannot("create the session folder"))?;
-        self.put(DEMONSTRATION, &demonstration_text(config)?)?;
-        self.put(ARM, &arm_text(config)?)?;
         let mut own = config.clone();
-        own.task.demonstration = Some(DEMONSTRATION.into());
-        own.plant.arm = Some(ARM.into());
+        if config.has_arm() {
+            self.put(DEMONSTRATION, &demonstration_text(config)?)?;
+            self.put(ARM, &arm_text(config)?)?;
+            own.task.demonstration = Some(DEMONSTRATION.into());
+            own.plant.arm = Some(ARM.into());
+        }
         self.put(CONFIG, &own.to_toml()?)
     }
 
@@ -117,7 +119,7 @@ impl SessionFolder {
         let changed = files.iter().find(|(_, ours, theirs)| ours != theirs).map(|(name, ..)| *name);
         let changed = changed.or_else(|| {
             [
-                ("[task]", config.task.name != stored.task.name),
+                ("[task]", without_demonstration(config) != without_demonstration(&stored)),
                 ("[controller]", config.controller != stored.controller),
                 ("[plant]", without_arm(config) != without_arm(&stored)),
             ]
@@ -167,6 +169,10 @@ fn text_of(given: Option<&Path>, built_in: &str) -> Result<String> {
             .with_context(|| format!("{}: cannot read; check the path", path.display())),
         None => Ok(built_in.to_string()),
     }
+}
+
+fn without_demonstration(config: &Config) -> TaskConfig {
+    TaskConfig { demonstration: None, ..config.task.clone() }
 }
 
 fn without_arm(config: &Config) -> PlantConfig {

@@ -67,7 +67,20 @@ pub fn arm(config: &Config) -> Result<ArmModel> {
     Ok(model)
 }
 
-pub fn demonstration(config: &Config) -> Result<Demonstration> {
+/// Everything that can be checked before a process starts: arm, demonstration and their fit. A
+/// task without an arm has none, and no demonstration.
+pub fn check(config: &Config) -> Result<Option<Demonstration>> {
+    if !config.has_arm() {
+        return Ok(None);
+    }
+    let model = arm(config)?;
+    let demonstration = demonstration(config)?;
+    check_duration(config, &demonstration)?;
+    check_reach(&model, &config.plant.start_posture(), &demonstration)?;
+    Ok(Some(demonstration))
+}
+
+fn demonstration(config: &Config) -> Result<Demonstration> {
     let parsed = match &config.task.demonstration {
         Some(path) => {
             let name = path.display().to_string();
@@ -81,7 +94,7 @@ pub fn demonstration(config: &Config) -> Result<Demonstration> {
 }
 
 /// A rollout of the demonstration's length fits into an episode.
-pub fn check_duration(config: &Config, demonstration: &Demonstration) -> Result<()> {
+fn check_duration(config: &Config, demonstration: &Demonstration) -> Result<()> {
     let duration = demonstration.duration_s();
     let records = records_needed(duration, &config.controller);
     if records > MAX_RECORDS {
@@ -95,11 +108,7 @@ pub fn check_duration(config: &Config, demonstration: &Demonstration) -> Result<
 }
 
 /// Follows the demonstration with the arm, posture by posture, from the start posture.
-pub fn check_reach(
-    model: &ArmModel,
-    q0: &JointVector,
-    demonstration: &Demonstration,
-) -> Result<()> {
+fn check_reach(model: &ArmModel, q0: &JointVector, demonstration: &Demonstration) -> Result<()> {
     let file = demonstration.file();
     let start = kinematics::tip_pose(model, q0);
     let mut q = *q0;

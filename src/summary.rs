@@ -14,6 +14,8 @@ pub struct Summary {
     pub task: String,
     pub seed: u64,
     pub result: Achievement,
+    /// As `skillet policy modes --json` lists them.
+    pub modes: Vec<serde_json::Value>,
     pub folder: SessionFolder,
     pub wall: Duration,
     pub rollouts_per_s: f64,
@@ -45,6 +47,8 @@ impl Summary {
             "first_success": self.result.first_success,
             "successes": self.result.successes,
             "faults": self.result.faults,
+            "set_aside": self.result.set_aside,
+            "modes": self.modes,
             "success_last20": self.result.success_last20,
             "best_reward": self.result.best_reward,
             "best_rollout": self.result.best_rollout,
@@ -59,21 +63,28 @@ impl Summary {
 
     pub fn text(&self, report: &Path) -> String {
         let result = &self.result;
-        let first = match result.first_success {
-            Some(rollout) => format!("first caught flip at rollout {rollout}"),
-            None => "no caught flip yet".into(),
+        let achieved = match (self.task.as_str(), result.first_success) {
+            ("pancake", Some(rollout)) => format!(
+                "first caught flip at rollout {rollout}, {:.0} % of the last 20 succeed",
+                100.0 * result.success_last20
+            ),
+            ("pancake", None) => "no caught flip yet".into(),
+            _ if self.modes.len() == 1 => "one solution found".into(),
+            _ => format!("{} solutions found", self.modes.len()),
         };
         let mut text = format!(
-            "{}, seed {}: {} rollouts, {first}, {:.0} % of the last 20 succeed\n\
+            "{}, seed {}: {} rollouts, {achieved}\n\
              best reward {:.3} at rollout {}; {:.1} rollouts/s\n",
             self.task,
             self.seed,
             result.trials,
-            100.0 * result.success_last20,
             result.best_reward,
             result.best_rollout.unwrap_or(0),
             self.rollouts_per_s,
         );
+        if result.set_aside > 0 {
+            text += &format!("{} rollouts set aside, not learnt\n", result.set_aside);
+        }
         for (name, value) in self.notes().iter().skip(1) {
             text += &format!("{name}: {value}\n");
         }

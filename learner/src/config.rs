@@ -3,8 +3,10 @@
 use serde::{Deserialize, Serialize};
 use shm_types::MAX_COMPONENTS;
 
+use crate::action::ActionConfig;
 use crate::activation::Activation;
 use crate::initial_policy::InitialPolicyConfig;
+use crate::modes::Prefer;
 use crate::parameters::{STIFFNESS_MAX, STIFFNESS_MIN, Scales};
 pub use crate::range::ConfigError;
 use crate::range::{check, range};
@@ -31,8 +33,11 @@ pub struct LearnerConfig {
     pub orientation_stiffness: f64,
     pub orientation_damping: f64,
     pub scales: Scales,
+    pub action: ActionConfig,
     pub search: SearchConfig,
     pub reward: RewardConfig,
+    /// Which mode the session's answer is.
+    pub prefer: Prefer,
 }
 
 impl Default for LearnerConfig {
@@ -50,8 +55,10 @@ impl Default for LearnerConfig {
             orientation_stiffness: policy.orientation_stiffness,
             orientation_damping: policy.orientation_damping,
             scales: Scales::default(),
+            action: ActionConfig::default(),
             search: SearchConfig::default(),
             reward: RewardConfig::default(),
+            prefer: Prefer::default(),
         }
     }
 }
@@ -80,8 +87,10 @@ impl LearnerConfig {
             range("reward.w1", self.reward.w1, 0.0, 100.0),
             range("reward.w2", self.reward.w2, 0.0, 100.0),
             range("reward.w3", self.reward.w3, 0.0, 100.0),
+            range("reward.lambda", self.reward.lambda, 0.0, 1e3),
         ];
         check("", &ranges)?;
+        self.action.validate()?;
         self.search.validate()
     }
 
@@ -100,9 +109,10 @@ impl LearnerConfig {
     }
 
     /// That a session started with `stored` may go on with `self`: everything is equal except the
-    /// number of rollouts, which no proposal depends on.
+    /// number of rollouts and the preferred mode, which no proposal depends on.
     pub fn check_resumes(&self, stored: &LearnerConfig) -> Result<(), ConfigError> {
-        let found = LearnerConfig { rollouts: stored.rollouts, ..self.clone() };
+        let found =
+            LearnerConfig { rollouts: stored.rollouts, prefer: stored.prefer, ..self.clone() };
         match first_difference("", &to_json(&found), &to_json(stored)) {
             Some((field, found, stored)) => Err(ConfigError::Changed { field, found, stored }),
             None => Ok(()),

@@ -10,96 +10,67 @@
 
 use std::path::Path;
 
-use nalgebra::DVector;
 use shm_types::episode::{
-    EpisodeError, EpisodeHeader, FAULT_APPROACH_TIMEOUT, FAULT_POLICY_REFUSED, TickRecord,
+    EpisodeHeader, FAULT_APPROACH_TIMEOUT, FAULT_POLICY_REFUSED, OutcomeMsg, TickRecord,
 };
 use shm_types::policy::PolicyMsg;
-use thiserror::Error;
 
-use crate::config::{ConfigError, LearnerConfig};
+use crate::config::LearnerConfig;
 use crate::demonstration::Demonstration;
+use crate::encoding::Encoding;
+use crate::error::{CompleteError, LearnerError};
 use crate::initial_policy::initial_policy;
-use crate::parameters::{ParameterError, ParameterMap, PolicyIds};
-use crate::path::decimate;
-use crate::search::{self, Search, Space};
-use crate::store::{PolicyKind, SessionMeta, Store, StoreError, TrialRecord};
+use crate::modes::{ModeReport, assess};
+use crate::parameters::PolicyIds;
+use crate::path::{PathRow, decimate};
+use crate::replay::{Replayed, replay, same_bits};
+use crate::search::{AskTell, Space};
+use crate::store::{SessionMeta, Store, TrialRecord};
 use crate::summary::{Summary, TrialReport};
 use crate::trial::Proposal;
 
 /// The session file within its folder.
 pub const SESSION_FILE: &str = "session.db";
-/// The policy of rollout n has the id n; the mean after n trials has the id n plus this.
-pub const MEAN_POLICY_ID: u64 = 1_000_000;
-/// Id of the policy fitted to the demonstration.
+/// The policy of rollout n has the id n; that of mode k after n trials this + 100 n + k.
+pub const MODE_POLICY_ID: u64 = 1_000_000;
+/// Id of the policy the session starts from.
 const INITIAL_POLICY_ID: u64 = 0;
-
-/// Why a session cannot start or go on.
-#[derive(Debug, Error)]
-pub enum LearnerError {
-    #[error(transparent)]
-    Config(#[from] ConfigError),
-    #[error(transparent)]
-    Parameters(#[from] ParameterError),
-    #[error(transparent)]
-    Store(#[from] StoreError),
-    #[error(
-        "rollout {rollout} cannot be reproduced from the stored session: resume it with the program \
-         that wrote it, or start another one with --out"
-    )]
-    NotReproduced { rollout: u64 },
-}
-
-/// Why an episode was refused. Except for `Learner` the caller ignores the episode and goes on; in
-/// no case has anything changed.
-#[derive(Debug, Error)]
-pub enum CompleteError {
-    #[error(transparent)]
-    Invalid(#[from] EpisodeError),
-    #[error("episode of session {found:016x} instead of {expected:016x}; ignored")]
-    ForeignSession { found: u64, expected: u64 },
-    #[error("episode of rollout {rollout}, which is stored already; ignored")]
-    Duplicate { rollout: u64 },
-    #[error("episode of rollout {rollout}, which was not asked for; ignored")]
-    NotAsked { rollout: u64 },
-    #[error("episode of rollout {rollout} executed another policy than the one asked for; ignored")]
-    OtherPolicy { rollout: u64 },
-    #[error("the controller did not execute rollout {rollout}: {reason}")]
-    NotExecuted { rollout: u64, reason: &'static str },
-    #[error(transparent)]
-    Learner(LearnerError),
-}
 
 /// A session in memory and on disk.
 pub struct Learner {
     config: LearnerConfig,
-    map: ParameterMap,
-    theta_0: DVector<f64>,
-    search: Box<dyn Search>,
+    encoding: Encoding,
+    space: Space,
+    search: AskTell,
     store: Store,
     trials: Vec<TrialRecord>,
     pending: Option<(Proposal, PolicyMsg)>,
 }
 
 impl Learner {
-    /// Starts a session in the existing folder `directory`, from a demonstration.
+    /// Starts a session in the existing folder `directory`, from a demonstration, or from the
+    /// action of the configuration when the task has no arm.
     pub fn create(
         directory: &Path,
         meta: SessionMeta,
-        demonstration: &Demonstration,
+        demonstration: Option<&Demonstration>,
     ) -> Result<Self, LearnerError> {
         meta.learner.validate()?;
-        let initial = PolicyMsg {
-            session: meta.session_id,
-            policy_id: INITIAL_POLICY_ID,
-            ..initial_policy(demonstration, &meta.learner.initial_policy())
+        let (policy, source) = match demonstration {
+            Some(demonstration) => {
+                let policy = initial_policy(demonstration, &meta.learner.initial_policy());
+                (policy, demonstration.file())
+            }
+            None => (PolicyMsg::of_action(&meta.learner.action.start).sealed(), "an action"),
         };
-        let (map, theta_0) = parameters(&initial, &meta.learner)?;
+        let (session, policy_id) = (meta.session_id, INITIAL_POLICY_ID);
+        let initial = PolicyMsg { session, policy_id, ..policy };
         let config = meta.learner.clone();
+        let (encoding, space) = Encoding::new(&initial, &config)?;
         let mut store = Store::create(&directory.join(SESSION_FILE), meta, &initial)?;
-        store.record_event("created", demonstration.file())?;
-        let search = search::build(&config.search, config.seed, Space::white(theta_0.clone()));
-        Ok(Learner { config, map, theta_0, search, store, trials: Vec::new(), pending: None })
+        store.record_event("created", source)?;
+        let search = replay(&config, &space, &[])?;
+        Ok(Learner { config, encoding, space, search, store, trials: Vec::new(), pending: None })
     }
 
     /// Continues the session in `directory` as if it had never stopped: the stored trials are told
@@ -114,11 +85,9 @@ impl Learner {
         let store = Store::open(&directory.join(SESSION_FILE))?;
         store.expect_task(task)?;
         config.check_resumes(&store.meta().learner)?;
-        let (map, theta_0) = parameters(&store.initial_policy()?, config)?;
-        let trials = store.trials()?;
-        let search = replay(config, &theta_0, &trials)?;
+        let Replayed { encoding, space, search, trials } = Replayed::of(&store)?;
         let config = config.clone();
-        let mut learner = Learner { config, map, theta_0, search, store, trials, pending: None };
+        let mut learner = Learner { config, encoding, space, search, store, trials, pending: None };
         if let Some(stored) = learner.store.pending_proposal()? {
             learner.pending = Some(learner.reproduce(&stored)?);
         }
@@ -162,13 +131,48 @@ impl Learner {
             applied_tick: header.applied_tick,
             fault: header.fault,
             n_records: header.n_records,
+            set_aside: false,
             outcome: header.outcome,
         };
-        self.search.tell(&trial.trial());
+        self.search.tell(&trial.trial())?;
+        self.record(trial, &decimate(records))
+    }
+
+    /// Gives up on the pending rollout, which gives no usable episode: it is stored and counted,
+    /// but not learnt, and the session goes on.
+    pub fn set_aside(&mut self, reason: &str) -> Result<TrialReport, CompleteError> {
+        let Some((proposal, policy)) = &self.pending else {
+            return Err(CompleteError::NotAsked { rollout: self.durable_rollout() + 1 });
+        };
+        let trial = TrialRecord {
+            rollout: proposal.rollout,
+            theta: proposal.theta.clone(),
+            reward: 0.0,
+            policy_id: policy.policy_id,
+            policy_digest: policy.digest,
+            boot_id: 0,
+            applied_tick: 0,
+            fault: 0,
+            n_records: 0,
+            set_aside: true,
+            outcome: OutcomeMsg::ZERO,
+        };
+        let text = format!("rollout {}: {reason}", trial.rollout);
+        let noted = self.store.record_event("set aside", &text);
+        noted.map_err(|error| CompleteError::Learner(error.into()))?;
+        self.record(trial, &[])
+    }
+
+    /// Makes a trial durable that the search knows.
+    fn record(
+        &mut self,
+        trial: TrialRecord,
+        path: &[PathRow],
+    ) -> Result<TrialReport, CompleteError> {
         let snapshot = self.search.snapshot(trial.rollout + 1);
-        if let Err(error) = self.store.record_trial(&trial, &snapshot, &decimate(records)) {
+        if let Err(error) = self.store.record_trial(&trial, &snapshot, path) {
             // What is not durable was not learnt.
-            self.search = replay(&self.config, &self.theta_0, &self.trials)
+            self.search = replay(&self.config, &self.space, &self.trials)
                 .expect("these trials were reproduced before");
             return Err(CompleteError::Learner(error.into()));
         }
@@ -178,20 +182,38 @@ impl Learner {
             reward: trial.reward,
             success: trial.success(),
             fault: trial.fault,
+            set_aside: trial.set_aside,
             outcome: trial.outcome,
         };
         self.trials.push(trial);
         Ok(report)
     }
 
-    /// The mean of the search as a policy of no rollout, stored under `MEAN_POLICY_ID` + trials.
-    pub fn mean_policy(&mut self) -> Result<PolicyMsg, LearnerError> {
-        let policy_id = MEAN_POLICY_ID + self.trials.len() as u64;
-        let policy = self.map.decode(self.search.mean(), self.ids(0, policy_id));
-        if self.store.policy(policy_id)?.is_none() {
-            self.store.put_policy(PolicyKind::Mean, &policy)?;
-        }
-        Ok(policy)
+    /// What the search has found so far, each with its policy; stored.
+    pub fn modes(&mut self) -> Result<Vec<(ModeReport, PolicyMsg)>, LearnerError> {
+        let forbidden = self.store.forbidden()?;
+        let trials: Vec<_> =
+            self.trials.iter().filter(|t| !t.set_aside).map(TrialRecord::trial).collect();
+        let first_id = MODE_POLICY_ID + 100 * self.trials.len() as u64;
+        let with_policy = |report: ModeReport| {
+            let ids = self.ids(0, first_id + report.number as u64);
+            let policy = self.encoding.decode(&report.mode.mean, ids);
+            (report, policy)
+        };
+        let modes = assess(&self.search.modes(), &trials, &forbidden);
+        let modes: Vec<_> = modes.into_iter().map(with_policy).collect();
+        self.store.put_modes(&modes)?;
+        Ok(modes)
+    }
+
+    /// Forbids a mode: where it lies, none is used any more.
+    pub fn forbid(&mut self, report: &ModeReport) -> Result<(), LearnerError> {
+        Ok(self.store.forbid(&report.mode.mean)?)
+    }
+
+    /// Allows every mode again.
+    pub fn allow_all(&mut self) -> Result<(), LearnerError> {
+        Ok(self.store.allow_all()?)
     }
 
     /// All rollouts of the configuration are stored.
@@ -224,15 +246,15 @@ impl Learner {
         PolicyIds { session: self.session_id(), rollout, policy_id }
     }
 
-    fn propose(&self) -> (Proposal, PolicyMsg) {
+    fn propose(&mut self) -> (Proposal, PolicyMsg) {
         let rollout = self.trials.len() as u64 + 1;
         let proposal = self.search.ask(rollout);
-        let policy = self.map.decode(&proposal.theta, self.ids(rollout, rollout));
+        let policy = self.encoding.decode(&proposal.theta, self.ids(rollout, rollout));
         (proposal, policy)
     }
 
     /// The pending proposal again, and that it is what was stored before it was published.
-    fn reproduce(&self, stored: &Proposal) -> Result<(Proposal, PolicyMsg), LearnerError> {
+    fn reproduce(&mut self, stored: &Proposal) -> Result<(Proposal, PolicyMsg), LearnerError> {
         let (proposal, policy) = self.propose();
         let same = proposal.rollout == stored.rollout
             && same_bits(&proposal.theta, &stored.theta)
@@ -278,34 +300,4 @@ fn not_executed(fault: u64) -> Option<&'static str> {
         FAULT_APPROACH_TIMEOUT => Some("the arm did not reach the start posture in time"),
         _ => None,
     }
-}
-
-/// θ ↔ policy around the initial policy, and its θ₀.
-fn parameters(
-    initial: &PolicyMsg,
-    config: &LearnerConfig,
-) -> Result<(ParameterMap, DVector<f64>), LearnerError> {
-    let map = ParameterMap::new(initial, config.scales)?;
-    let theta_0 = map.encode(initial)?;
-    Ok((map, theta_0))
-}
-
-/// The search after `trials`, each of which it must have proposed itself.
-fn replay(
-    config: &LearnerConfig,
-    theta_0: &DVector<f64>,
-    trials: &[TrialRecord],
-) -> Result<Box<dyn Search>, LearnerError> {
-    let mut search = search::build(&config.search, config.seed, Space::white(theta_0.clone()));
-    for (trial, rollout) in trials.iter().zip(1..) {
-        if trial.rollout != rollout || !same_bits(&search.ask(rollout).theta, &trial.theta) {
-            return Err(LearnerError::NotReproduced { rollout });
-        }
-        search.tell(&trial.trial());
-    }
-    Ok(search)
-}
-
-fn same_bits(a: &DVector<f64>, b: &DVector<f64>) -> bool {
-    a.len() == b.len() && a.iter().zip(b.iter()).all(|(x, y)| x.to_bits() == y.to_bits())
 }

@@ -6,15 +6,20 @@
 
 #![forbid(unsafe_code)]
 
+pub mod action;
 pub mod activation;
 pub mod config;
 pub mod demonstration;
+pub mod encoding;
+mod error;
 pub mod initial_policy;
 pub mod learner;
+pub mod modes;
 pub mod parameters;
 pub mod path;
 pub mod policy_json;
 pub mod range;
+pub mod replay;
 pub mod reward;
 pub mod search;
 pub mod session;
@@ -25,4 +30,5 @@ pub mod trial;
 
 pub use config::LearnerConfig;
 pub use demonstration::Demonstration;
+pub use error::{CompleteError, LearnerError};
 pub use learner::Learner;

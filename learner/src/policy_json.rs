@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 use shm_types::policy::{Component, PolicyMsg, PolicyMsgError, packed_index};
-use shm_types::{MAX_COMPONENTS, TASK_DIM};
+use shm_types::{MAX_ACTIONS, MAX_COMPONENTS, TASK_DIM};
 use thiserror::Error;
 
 use crate::activation::Activation;
@@ -17,6 +17,8 @@ pub enum PolicyJsonError {
     Asymmetric { component: usize },
     #[error("policy has {0} components: use at most {MAX_COMPONENTS}")]
     Components(usize),
+    #[error("policy has {0} actions: use at most {MAX_ACTIONS}")]
+    Action(usize),
     #[error(transparent)]
     Message(#[from] PolicyMsgError),
 }
@@ -35,6 +37,13 @@ struct PolicyText {
     components: Vec<ComponentText>,
 }
 
+/// A policy without springs.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ActionText {
+    action: Vec<f64>,
+}
+
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct ComponentText {
@@ -49,6 +58,10 @@ struct ComponentText {
 /// The physical parameters of a valid policy.
 pub fn to_json(policy: &PolicyMsg) -> Result<String, PolicyJsonError> {
     policy.validate()?;
+    if policy.n_actions > 0 {
+        let action = policy.actions().to_vec();
+        return Ok(serde_json::to_string_pretty(&ActionText { action })?);
+    }
     let d = policy.task_dim as usize;
     let component = |c: &Component| ComponentText {
         center: c.center,
@@ -75,7 +88,11 @@ pub fn to_json(policy: &PolicyMsg) -> Result<String, PolicyJsonError> {
 
 /// A validated, sealed policy that belongs to no session yet.
 pub fn from_json(text: &str) -> Result<PolicyMsg, PolicyJsonError> {
-    let text: PolicyText = serde_json::from_str(text)?;
+    let value: serde_json::Value = serde_json::from_str(text)?;
+    if value.get("action").is_some() {
+        return action_from_json(value);
+    }
+    let text: PolicyText = serde_json::from_value(value)?;
     if text.components.len() > MAX_COMPONENTS {
         return Err(PolicyJsonError::Components(text.components.len()));
     }
@@ -114,9 +131,29 @@ pub fn from_json(text: &str) -> Result<PolicyMsg, PolicyJsonError> {
     Ok(policy)
 }
 
+fn action_from_json(value: serde_json::Value) -> Result<PolicyMsg, PolicyJsonError> {
+    let ActionText { action } = serde_json::from_value(value)?;
+    if action.len() > MAX_ACTIONS {
+        return Err(PolicyJsonError::Action(action.len()));
+    }
+    let policy = PolicyMsg::of_action(&action).sealed();
+    policy.validate()?;
+    Ok(policy)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_action_survives_a_round_trip_and_is_checked() {
+        let policy = PolicyMsg::of_action(&[8.0, 0.1 + 0.2]).sealed();
+        assert_eq!(from_json(&to_json(&policy).unwrap()).unwrap(), policy);
+        let error = |text: &str| from_json(text).unwrap_err().to_string();
+        assert!(error(r#"{"action": [1,2,3,4,5,6,7,8,9]}"#).contains("9 actions"));
+        assert!(error(r#"{"action": [1], "damping": 2}"#).contains("damping"));
+        assert!(error(r#"{"action": []}"#).contains("n_components"));
+    }
 
     fn policy() -> PolicyMsg {
         let mut policy = PolicyMsg { task_dim: 4, n_components: 2, ..PolicyMsg::EMPTY };

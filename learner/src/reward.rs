@@ -16,6 +16,10 @@ pub const RELEASE_SPIN_MAX_RAD_S: f64 = 40.0;
 pub enum RewardKind {
     /// Sec. 3.1.
     Paper,
+    /// Sec. 4.2, first experiment: what the world measures is the reward.
+    Value,
+    /// Sec. 4.2, second experiment: r = exp(−λ d), d the distance the world measures.
+    Distance,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -26,11 +30,13 @@ pub struct RewardConfig {
     pub w1: f64,
     pub w2: f64,
     pub w3: f64,
+    /// λ of `distance`, 1/m.
+    pub lambda: f64,
 }
 
 impl Default for RewardConfig {
     fn default() -> Self {
-        RewardConfig { kind: RewardKind::Paper, w1: 0.5, w2: 0.5, w3: 0.5 }
+        RewardConfig { kind: RewardKind::Paper, w1: 0.5, w2: 0.5, w3: 0.5, lambda: 3.0 }
     }
 }
 
@@ -42,6 +48,8 @@ impl RewardConfig {
         }
         let reward = match self.kind {
             RewardKind::Paper => self.paper(outcome),
+            RewardKind::Value => outcome.value,
+            RewardKind::Distance => (-self.lambda * outcome.value.max(0.0)).exp(),
         };
         reward.clamp(0.0, f64::MAX)
     }
@@ -99,6 +107,17 @@ mod tests {
     fn without_a_crossing_only_the_height_counts() {
         assert_eq!(reward(OutcomeMsg { crossing_time_s: 0.0, ..FLIP }), 0.5 * 0.71);
         assert_eq!(reward(OutcomeMsg::ZERO), 0.0);
+    }
+
+    #[test]
+    fn worlds_without_an_arm_are_judged_by_their_value() {
+        let outcome = OutcomeMsg { value: 0.25, ..OutcomeMsg::ZERO };
+        let of = |kind| RewardConfig { kind, ..Default::default() }.reward(&outcome);
+        assert_eq!(of(RewardKind::Value), 0.25);
+        assert_eq!(of(RewardKind::Distance), (-0.75_f64).exp());
+        let negative = OutcomeMsg { value: -1.0, ..outcome };
+        let value = RewardConfig { kind: RewardKind::Value, ..Default::default() };
+        assert_eq!(value.reward(&negative), 0.0);
     }
 
     #[test]

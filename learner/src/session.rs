@@ -15,7 +15,8 @@ use shm_types::ports::LearnerPorts;
 use shm_types::telemetry::Heartbeat;
 use thiserror::Error;
 
-use crate::learner::{CompleteError, Learner, LearnerError};
+use crate::error::{CompleteError, LearnerError};
+use crate::learner::Learner;
 use crate::summary::TrialReport;
 
 /// Longest wait for an episode before the loop looks around.
@@ -24,8 +25,10 @@ const BEAT: Duration = Duration::from_millis(100);
 const HOUSEKEEPING: Duration = Duration::from_secs(1);
 /// A controller whose heartbeat is older than this is silent.
 const SILENT: Duration = Duration::from_secs(2);
-/// Unusable episodes of one rollout after which the session ends.
+/// Unusable episodes of one rollout after which it is set aside.
 const ATTEMPTS: u32 = 3;
+/// Rollouts set aside in a row after which the session ends: the fault lies elsewhere.
+const SET_ASIDE: u32 = 3;
 /// A rollout that takes longer, Approach included, is asked for again.
 const ROLLOUT: Duration = Duration::from_secs(30);
 
@@ -36,6 +39,11 @@ pub enum Event {
     /// Nothing was heard from the controller for this long; the learner waits.
     ControllerSilent(Duration),
     ControllerBack,
+    /// The rollout gave no usable episode: stored and counted, not learnt.
+    SetAside {
+        rollout: u64,
+        reason: String,
+    },
     /// The rollout was asked for again.
     AskedAgain {
         rollout: u64,
@@ -57,10 +65,10 @@ pub enum SessionError {
     #[error(transparent)]
     Learner(#[from] LearnerError),
     #[error(
-        "rollout {rollout} gave no usable episode in {attempts} attempts: {reason}; everything \
-         before it is saved"
+        "{rollouts} rollouts in a row, up to {last}, gave no usable episode: {reason}; everything \
+         is saved, mend the controller and resume"
     )]
-    Unusable { rollout: u64, attempts: u32, reason: String },
+    Unusable { rollouts: u32, last: u64, reason: String },
     #[error(
         "policy of rollout {rollout} cannot be published ({reason}); restart learner and controller"
     )]
@@ -98,6 +106,7 @@ struct Link<'a> {
     controller: Option<Heartbeat>,
     heard: Instant,
     is_silent: bool,
+    set_aside_in_a_row: u32,
 }
 
 impl<'a> Link<'a> {
@@ -111,6 +120,7 @@ impl<'a> Link<'a> {
             controller: None,
             heard: now,
             is_silent: false,
+            set_aside_in_a_row: 0,
         }
     }
 
@@ -142,15 +152,20 @@ impl<'a> Link<'a> {
         loop {
             while let Ok(Some(episode)) = self.ports.episodes.receive() {
                 match learner.complete(policy, episode.user_header(), episode.payload()) {
-                    Ok(report) => return Ok(Some(report)),
+                    Ok(report) => {
+                        self.set_aside_in_a_row = 0;
+                        return Ok(Some(report));
+                    }
                     Err(CompleteError::Learner(error)) => return Err(error.into()),
                     Err(
-                        unusable @ (CompleteError::Invalid(_) | CompleteError::NotExecuted { .. }),
+                        unusable @ (CompleteError::Invalid(_)
+                        | CompleteError::NotExecuted { .. }
+                        | CompleteError::Tell(_)),
                     ) => {
                         attempts += 1;
                         let (rollout, reason) = (policy.rollout, unusable.to_string());
                         if attempts == ATTEMPTS {
-                            return Err(SessionError::Unusable { rollout, attempts, reason });
+                            return self.set_aside(learner, rollout, reason, on_event).map(Some);
                         }
                         on_event(Event::AskedAgain { rollout, reason });
                         self.publish(policy)?;
@@ -178,6 +193,27 @@ impl<'a> Link<'a> {
                 std::thread::sleep(WAIT);
             }
         }
+    }
+
+    /// Goes on without a rollout that cannot be used.
+    fn set_aside(
+        &mut self,
+        learner: &mut Learner,
+        rollout: u64,
+        reason: String,
+        on_event: &mut dyn FnMut(Event),
+    ) -> Result<TrialReport, SessionError> {
+        self.set_aside_in_a_row += 1;
+        if self.set_aside_in_a_row == SET_ASIDE {
+            return Err(SessionError::Unusable { rollouts: SET_ASIDE, last: rollout, reason });
+        }
+        let report = match learner.set_aside(&reason) {
+            Ok(report) => report,
+            Err(CompleteError::Learner(error)) => return Err(error.into()),
+            Err(other) => unreachable!("the rollout is pending: {other}"),
+        };
+        on_event(Event::SetAside { rollout, reason });
+        Ok(report)
     }
 
     /// Beats, listens to the controller's beat, cleans up. True when the controller is a new one.

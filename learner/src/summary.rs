@@ -15,6 +15,8 @@ pub struct TrialReport {
     pub reward: f64,
     pub success: bool,
     pub fault: u64,
+    /// It gave no usable episode; nothing was learnt from it.
+    pub set_aside: bool,
     pub outcome: OutcomeMsg,
 }
 
@@ -25,6 +27,8 @@ pub struct Summary {
     pub successes: u64,
     /// Trials in which the controller fell back to its damped hold.
     pub faults: u64,
+    /// Trials that gave no usable episode; nothing was learnt from them.
+    pub set_aside: u64,
     pub first_success: Option<u64>,
     /// Share of successes among the last 20 trials, or among all if there are fewer; 0 of none.
     pub success_last20: f64,
@@ -43,6 +47,7 @@ impl Summary {
             trials: trials.len() as u64,
             successes: count(trials) as u64,
             faults: trials.iter().filter(|trial| trial.fault != 0).count() as u64,
+            set_aside: trials.iter().filter(|trial| trial.set_aside).count() as u64,
             first_success: trials.iter().find(|trial| trial.success()).map(|trial| trial.rollout),
             success_last20: count(late) as f64 / late.len().max(1) as f64,
             best_reward: best.map_or(0.0, |trial| trial.reward),
@@ -69,6 +74,7 @@ mod tests {
             applied_tick: 0,
             fault: 0,
             n_records: 0,
+            set_aside: false,
             outcome: OutcomeMsg { flags, ..OutcomeMsg::ZERO },
         }
     }
@@ -80,6 +86,7 @@ mod tests {
             trials: 30,
             successes: 6,
             faults: 0,
+            set_aside: 0,
             first_success: Some(5),
             success_last20: 0.25,
             best_reward: 6.0,

@@ -29,6 +29,7 @@
 #![allow(non_snake_case)]
 #![forbid(unsafe_code)]
 
+pub mod action;
 pub mod arm;
 pub mod landscape;
 pub mod niching;
@@ -36,3 +37,4 @@ pub mod outcome;
 pub mod pancake;
 pub mod plant;
 pub mod rapier;
+pub mod skittles;

@@ -2,6 +2,7 @@
 
 use nalgebra::DMatrix;
 use physics::arm::ArmModel;
+use shm_types::MAX_ACTIONS;
 use shm_types::episode::MAX_RECORDS;
 use shm_types::policy::{PolicyMsg, PolicyMsgError};
 use thiserror::Error;
@@ -31,6 +32,11 @@ pub enum AdmissionError {
         "duration_s is {duration_s}: with settle_s = {settle_s} it needs {records} records of {MAX_RECORDS}; shorten it or lengthen controller.period_us"
     )]
     Duration { duration_s: f64, settle_s: f64, records: usize },
+    #[error(
+        "n_actions is {found}: this cell's world takes {expected} (0: an arm's springs); run the \
+         learner with the task of the controller"
+    )]
+    Actions { found: u32, expected: usize },
 }
 
 /// Records that a rollout of a policy of this duration can fill.
@@ -45,6 +51,9 @@ pub fn admit(
     config: &ControllerConfig,
 ) -> Result<Policy, AdmissionError> {
     message.validate()?;
+    if message.n_actions > 0 {
+        return Err(AdmissionError::Actions { found: message.n_actions, expected: 0 });
+    }
     let records = records_needed(message.duration_s, config);
     if records > MAX_RECORDS {
         let (duration_s, settle_s) = (message.duration_s, config.settle_s);
@@ -69,6 +78,19 @@ pub fn admit(
     }
     Ok(Policy::new(message))
 }
+
+/// Checks an action for a world that takes `dim` numbers.
+pub fn admit_action(message: &PolicyMsg, dim: usize) -> Result<Action, AdmissionError> {
+    message.validate()?;
+    if message.n_actions as usize != dim {
+        return Err(AdmissionError::Actions { found: message.n_actions, expected: dim });
+    }
+    Ok(Action(message.action))
+}
+
+/// An admitted action; entries beyond the world's dimension are not used.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Action(pub [f64; MAX_ACTIONS]);
 
 /// An upper bound of the arm's reach from its first joint, m.
 fn reach(model: &ArmModel) -> f64 {

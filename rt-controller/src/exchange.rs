@@ -3,7 +3,6 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use physics::arm::ArmModel;
 use rtrb::{Consumer, Producer};
 use shm_types::SCHEMA;
 use shm_types::channel::EpisodeLoan;
@@ -13,30 +12,33 @@ use shm_types::policy::PolicyMsg;
 use shm_types::ports::ControllerPorts;
 use shm_types::telemetry::{Heartbeat, TelemetryTick};
 
-use crate::admission::{admit, records_needed};
-use crate::config::{ControllerConfig, Pace};
+use crate::admission::AdmissionError;
+use crate::config::Pace;
 use crate::loop_report::LoopReport;
-use crate::outcome_message::outcome_message;
 use crate::request::{Request, boot_id};
-use crate::run::{Done, Job, RunSummary};
+use crate::run::RunSummary;
+use crate::serve::{Done, Job};
 use crate::tick::Fault;
 
 const POLL: Duration = Duration::from_micros(200);
 const BEAT: Duration = Duration::from_millis(100);
 const HOUSEKEEPING: Duration = Duration::from_secs(1);
 
+/// Checks a message; the policy to execute and the records it can fill.
+type Admit<'a, P> = &'a dyn Fn(&PolicyMsg) -> Result<(P, usize), AdmissionError>;
+
 /// What the exchange needs to know of its controller.
-pub(crate) struct Setup<'a> {
-    pub model: &'a ArmModel,
-    pub config: &'a ControllerConfig,
+pub(crate) struct Setup<'a, P> {
+    pub admit: Admit<'a, P>,
+    pub period_ns: u64,
     pub pace: Pace,
     pub privileged: &'a AtomicBool,
 }
 
-pub(crate) struct Exchange<'a> {
+pub(crate) struct Exchange<'a, P> {
     ports: ControllerPorts,
-    setup: Setup<'a>,
-    jobs: Producer<Job>,
+    setup: Setup<'a, P>,
+    jobs: Producer<Job<P>>,
     done: Consumer<Done>,
     report: LoopReport,
     boot_id: u64,
@@ -54,14 +56,14 @@ pub(crate) struct Exchange<'a> {
     learner_seen: Option<(Heartbeat, Instant)>,
 }
 
-impl<'a> Exchange<'a> {
+impl<'a, P> Exchange<'a, P> {
     pub fn new(
         ports: ControllerPorts,
-        setup: Setup<'a>,
-        jobs: Producer<Job>,
+        setup: Setup<'a, P>,
+        jobs: Producer<Job<P>>,
         done: Consumer<Done>,
         telemetry: Consumer<TelemetryTick>,
-    ) -> Exchange<'a> {
+    ) -> Exchange<'a, P> {
         Exchange {
             ports,
             setup,
@@ -135,7 +137,7 @@ impl<'a> Exchange<'a> {
                 applied_tick: done.applied_tick,
                 n_records: done.n_records as u64,
                 fault: u64::from(done.fault),
-                outcome: outcome_message(&done.outcome),
+                outcome: done.outcome,
                 ..self.header(&request)
             };
             if done.fault != 0 {
@@ -153,7 +155,7 @@ impl<'a> Exchange<'a> {
             rollout: request.rollout,
             policy_id: request.policy_id,
             policy_digest: request.digest,
-            period_ns: u64::from(self.setup.config.period_us) * 1000,
+            period_ns: self.setup.period_ns,
             ..EpisodeHeader::default()
         }
     }
@@ -194,13 +196,9 @@ impl<'a> Exchange<'a> {
         }
         let Some(message) = self.pending.take() else { return };
         let request = Request::of(&message);
-        let admitted = admit(&message, self.setup.model, self.setup.config);
-        let n_records = if admitted.is_ok() {
-            records_needed(message.duration_s, self.setup.config)
-        } else {
-            // The refusal travels as an episode without records.
-            1
-        };
+        let admitted = (self.setup.admit)(&message);
+        // A refusal travels as an episode without records, but an episode it is.
+        let n_records = admitted.as_ref().map_or(1, |(_, n_records)| (*n_records).max(1));
         let mut episode = match self.ports.loan_episode(n_records) {
             Ok(episode) => episode,
             Err(error) => {
@@ -214,7 +212,7 @@ impl<'a> Exchange<'a> {
         };
         self.loan_failed = false;
         match admitted {
-            Ok(policy) => match self.jobs.push(Job { policy, episode }) {
+            Ok((policy, _)) => match self.jobs.push(Job { policy, episode }) {
                 Ok(()) => self.in_flight = Some(request),
                 Err(_) => self.pending = Some(message),
             },
@@ -272,7 +270,7 @@ impl<'a> Exchange<'a> {
             // Without the wall clock nothing ticks between rollouts: the last tick is no news.
             phase: if self.in_flight.is_some() { u64::from(self.report.last.phase) } else { 0 },
             fault: u64::from(self.report.last.fault),
-            period_ns: u64::from(self.setup.config.period_us) * 1000,
+            period_ns: self.setup.period_ns,
             realtime: u64::from(self.setup.pace == Pace::Realtime),
             privileged: u64::from(self.setup.privileged.load(Ordering::Relaxed)),
             session: active.session,

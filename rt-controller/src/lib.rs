@@ -6,6 +6,7 @@
 
 #![allow(non_snake_case)] // monogram notation: J_WP, X_WP
 
+pub mod action;
 pub mod admission;
 pub mod config;
 mod exchange;
@@ -17,10 +18,12 @@ mod request;
 pub mod rollout;
 pub mod rt;
 pub mod run;
+mod serve;
 pub mod task;
 pub mod tick;
 mod timing;
 pub mod wrench;
 
+pub use action::run_action;
 pub use config::{ControllerConfig, Pace};
 pub use run::{RunError, RunSummary, run};

@@ -19,6 +19,7 @@ pub(crate) fn outcome_message(outcome: &Outcome) -> OutcomeMsg {
     }
     OutcomeMsg {
         flags,
+        value: 0.0,
         release_time_s: outcome.release_time_s,
         release_speed_m_s: outcome.release_speed,
         release_spin_rad_s: outcome.release_spin,

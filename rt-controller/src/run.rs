@@ -1,46 +1,32 @@
-//! Runs a controller: the rt thread in here, the exchange thread beside it, rings between them.
+//! Runs the controller of an arm: the rt thread is in here.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use physics::arm::{ArmModel, JointVector};
-use physics::outcome::{Outcome, OutcomeConfig};
+use physics::outcome::OutcomeConfig;
 use physics::plant::Plant;
-use rtrb::{Consumer, Producer, PushError, RingBuffer};
-use shm_types::cell::{Cell, CellError, Role};
-use shm_types::channel::{ChannelError, EPISODE_LOANS, EpisodeLoan};
+use rtrb::{Consumer, Producer, PushError};
+use shm_types::cell::{Cell, CellError};
+use shm_types::channel::{ChannelError, EpisodeLoan};
 use shm_types::episode::TickRecord;
-use shm_types::ports::ControllerPorts;
+use shm_types::policy::PolicyMsg;
 use shm_types::telemetry::TelemetryTick;
 use thiserror::Error;
 
+use crate::admission::{admit, records_needed};
 use crate::config::{ControllerConfig, ControllerConfigError, Pace};
-use crate::exchange::{Exchange, Setup};
+use crate::exchange::Setup;
+use crate::outcome_message::outcome_message;
 use crate::policy::Policy;
 use crate::rollout::Phase;
 use crate::rt::{self, Clock, Wake};
+use crate::serve::{Done, Job, serve};
 use crate::tick::Controller;
 use crate::timing::Percentiles;
 
-/// Ticks the telemetry ring holds: 4 s at 1 kHz, 0.2 s at the pace of the simulation.
-const TELEMETRY_RING: usize = 4096;
 /// How long an unpaced loop sleeps while there is nothing to do.
 const IDLE_SLEEP: Duration = Duration::from_micros(100);
-
-/// A rollout to execute: travels exchange → rt with the memory its records go to.
-pub(crate) struct Job {
-    pub policy: Policy,
-    pub episode: EpisodeLoan,
-}
-
-/// An executed rollout: travels rt → exchange.
-pub(crate) struct Done {
-    pub episode: EpisodeLoan,
-    pub n_records: usize,
-    pub applied_tick: u64,
-    pub fault: u32,
-    pub outcome: Outcome,
-}
 
 /// Why a controller ended with an error.
 #[derive(Debug, Error)]
@@ -85,57 +71,37 @@ pub fn run<P: Plant>(
     stop: &AtomicBool,
 ) -> Result<RunSummary, RunError> {
     config.validate()?;
-    let _lock = cell.lock(Role::Controller)?;
-    let ports = ControllerPorts::create(cell)?;
-    let (job_tx, jobs) = RingBuffer::new(EPISODE_LOANS);
-    let (done, done_rx) = RingBuffer::new(EPISODE_LOANS);
-    let (telemetry, telemetry_rx) = RingBuffer::new(TELEMETRY_RING);
     let privileged = AtomicBool::new(false);
     let Controlled { model, plant, q0, outcome } = controlled;
-
-    std::thread::scope(|scope| {
+    let admit = |message: &PolicyMsg| {
+        let policy = admit(message, model, config)?;
+        Ok((policy, records_needed(message.duration_s, config)))
+    };
+    let period_ns = u64::from(config.period_us) * 1000;
+    let setup = Setup { admit: &admit, period_ns, pace, privileged: &privileged };
+    serve(cell, setup, stop, |ends| {
         let rt_loop = RtLoop {
             controller: Controller::new(model, &q0, config, &outcome),
             plant,
-            jobs,
-            done,
-            telemetry,
+            jobs: ends.jobs,
+            done: ends.done,
+            telemetry: ends.telemetry,
             running: None,
             undelivered: None,
             scratch: TickRecord::ZERO,
         };
-        let privileged = &privileged;
-        let rt_thread = std::thread::Builder::new()
-            .name("skillet-rt".into())
-            .spawn_scoped(scope, move || match pace {
-                Pace::Realtime => {
-                    let granted = rt::acquire(config.priority, config.cpu);
-                    for missing in &granted.missing {
-                        tracing::warn!("real time is degraded: {missing}");
-                    }
-                    privileged.store(granted.fifo, Ordering::Relaxed);
-                    rt_loop.run_paced(u64::from(config.period_us) * 1000, stop);
+        match pace {
+            Pace::Realtime => {
+                let granted = rt::acquire(config.priority, config.cpu);
+                for missing in &granted.missing {
+                    tracing::warn!("real time is degraded: {missing}");
                 }
-                Pace::Max => rt_loop.run_unpaced(stop),
-            })
-            .map_err(|error| RunError::Panic(format!("it could not be started: {error}")))?;
-
-        tracing::info!(cell = cell.name(), ?pace, "controller ready");
-        let setup = Setup { model, config, pace, privileged };
-        let mut exchange = Exchange::new(ports, setup, job_tx, done_rx, telemetry_rx);
-        let summary = exchange.run(stop, || rt_thread.is_finished());
-        // The rt thread may be waiting for its next deadline; it sees `stop` right after.
-        stop.store(true, Ordering::Relaxed);
-        match rt_thread.join() {
-            Ok(()) => Ok(summary),
-            Err(panic) => Err(RunError::Panic(panic_text(&*panic))),
+                privileged.store(granted.fifo, Ordering::Relaxed);
+                rt_loop.run_paced(period_ns, stop);
+            }
+            Pace::Max => rt_loop.run_unpaced(stop),
         }
     })
-}
-
-fn panic_text(panic: &(dyn std::any::Any + Send)) -> String {
-    let text = panic.downcast_ref::<&str>().map(|s| s.to_string());
-    text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "no message".into())
 }
 
 /// A rollout in progress.
@@ -149,7 +115,7 @@ struct Running {
 struct RtLoop<'a, P: Plant> {
     controller: Controller<'a>,
     plant: &'a mut P,
-    jobs: Consumer<Job>,
+    jobs: Consumer<Job<Policy>>,
     done: Producer<Done>,
     telemetry: Producer<TelemetryTick>,
     running: Option<Running>,
@@ -234,7 +200,7 @@ impl<P: Plant> RtLoop<'_, P> {
                 n_records: running.n_records,
                 applied_tick: running.applied_tick,
                 fault: self.controller.fault() as u32,
-                outcome: self.controller.outcome(),
+                outcome: outcome_message(&self.controller.outcome()),
             });
         }
     }

@@ -61,6 +61,8 @@ message! {
     pub struct OutcomeMsg as "skillet/Outcome/1" {
         /// `OUTCOME_*`.
         pub flags: u64,
+        /// What a world without arm measures, in its unit; 0 in the others.
+        pub value: f64,
         pub release_time_s: f64,
         pub release_speed_m_s: f64,
         pub release_spin_rad_s: f64,
@@ -128,6 +130,7 @@ pub enum EpisodeError {
 impl OutcomeMsg {
     pub const ZERO: OutcomeMsg = OutcomeMsg {
         flags: 0,
+        value: 0.0,
         release_time_s: 0.0,
         release_speed_m_s: 0.0,
         release_spin_rad_s: 0.0,
@@ -144,8 +147,9 @@ impl OutcomeMsg {
     }
 
     /// Every measured quantity with its name, for checks and for people.
-    pub fn fields(&self) -> [(&'static str, f64); 9] {
+    pub fn fields(&self) -> [(&'static str, f64); 10] {
         [
+            ("value", self.value),
             ("release_time_s", self.release_time_s),
             ("release_speed_m_s", self.release_speed_m_s),
             ("release_spin_rad_s", self.release_spin_rad_s),

@@ -24,5 +24,7 @@ pub const MAX_JOINTS: usize = 7;
 pub const TASK_DIM: usize = 6;
 /// Attractors of the largest policy a message can carry.
 pub const MAX_COMPONENTS: usize = 16;
+/// Entries of the largest action vector of a task without arm.
+pub const MAX_ACTIONS: usize = 8;
 /// Entries of a packed lower triangle of a 6×6 matrix.
 pub const PACKED: usize = TASK_DIM * (TASK_DIM + 1) / 2;

@@ -1,15 +1,18 @@
-//! The policy message: physical parameters {μᵢ, Kᵢ, κᵛ, activations} of Eq. (5), and the rollout
-//! that asks for them to be executed once.
+//! The policy message: physical parameters {μᵢ, Kᵢ, κᵛ, activations} of Eq. (5), or an action vector
+//! for a task without arm, and the rollout that asks for them to be executed once.
 
 use iceoryx2::prelude::ZeroCopySend;
 use thiserror::Error;
 
-use crate::{Digest, MAX_COMPONENTS, PACKED, SCHEMA, TASK_DIM};
+use crate::{Digest, MAX_ACTIONS, MAX_COMPONENTS, PACKED, SCHEMA, TASK_DIM};
 
 /// `activation` when hᵢ is driven by the time since the start of the rollout.
 pub const ACTIVATION_TIME: u32 = 0;
 /// `activation` when hᵢ is driven by s = exp(−decay_rate·t), the canonical system of Eq. (3).
 pub const ACTIVATION_DECAY: u32 = 1;
+
+/// Largest entry of an action, in the units of its world.
+const ACTION_MAX: f64 = 1e6;
 
 message! {
     /// One virtual spring of Eq. (5).
@@ -43,7 +46,8 @@ message! {
         pub n_components: u32,
         /// [`ACTIVATION_TIME`] or [`ACTIVATION_DECAY`].
         pub activation: u32,
-        pub reserved: u32,
+        /// Entries of `action` in use. Either there are components, or there are actions.
+        pub n_actions: u32,
         /// Length of the Execute phase, s.
         pub duration_s: f64,
         /// Rate of the decay activation, s⁻¹ (0 when driven by time).
@@ -53,6 +57,8 @@ message! {
         /// Gains of the coordinates that are not learnt: resolved acceleration, s⁻² and s⁻¹.
         pub orientation_stiffness: f64,
         pub orientation_damping: f64,
+        /// The whole policy of a task without arm (Sec. 4.2), in the units of its world.
+        pub action: [f64; MAX_ACTIONS],
         pub components: [Component; MAX_COMPONENTS],
     }
 }
@@ -72,6 +78,11 @@ pub enum PolicyMsgError {
     TaskDim(u32),
     #[error("n_components is {0}: use 1 to {MAX_COMPONENTS}")]
     Components(u32),
+    #[error(
+        "n_actions is {actions} beside {components} components: use components, or 1 to \
+         {MAX_ACTIONS} actions"
+    )]
+    Actions { actions: u32, components: u32 },
     #[error("activation is {0}: use {ACTIVATION_TIME} (time) or {ACTIVATION_DECAY} (decay)")]
     Activation(u32),
     #[error("{field} is {value}: it must be finite and within {min}..={max}")]
@@ -109,14 +120,22 @@ impl PolicyMsg {
         task_dim: 3,
         n_components: 0,
         activation: ACTIVATION_TIME,
-        reserved: 0,
+        n_actions: 0,
         duration_s: 1.0,
         decay_rate: 0.0,
         damping: 0.0,
         orientation_stiffness: 0.0,
         orientation_damping: 0.0,
+        action: [0.0; MAX_ACTIONS],
         components: [Component::ZERO; MAX_COMPONENTS],
     };
+
+    /// The unsealed policy of a task without arm. Precondition: at most [`MAX_ACTIONS`] entries.
+    pub fn of_action(action: &[f64]) -> PolicyMsg {
+        let mut policy = PolicyMsg { n_actions: action.len() as u32, ..PolicyMsg::EMPTY };
+        policy.action[..action.len()].copy_from_slice(action);
+        policy
+    }
 
     /// Hash of the physical parameters (not of who asks for them).
     pub fn compute_digest(&self) -> u64 {
@@ -128,7 +147,11 @@ impl PolicyMsg {
             .f64(self.decay_rate)
             .f64(self.damping)
             .f64(self.orientation_stiffness)
-            .f64(self.orientation_damping);
+            .f64(self.orientation_damping)
+            .u64(u64::from(self.n_actions));
+        for value in self.action {
+            digest = digest.f64(value);
+        }
         for component in &self.components {
             digest = digest.f64(component.center).f64(component.width);
             for value in component.attractor.iter().chain(&component.stiffness) {
@@ -150,20 +173,21 @@ impl PolicyMsg {
         &self.components[..(self.n_components as usize).min(MAX_COMPONENTS)]
     }
 
+    /// The actions in use; empty when the policy is one of springs.
+    pub fn actions(&self) -> &[f64] {
+        &self.action[..(self.n_actions as usize).min(MAX_ACTIONS)]
+    }
+
     /// Structure, finiteness and coarse bounds. Positive definiteness and the arm's own bounds are
     /// the controller's admission check.
     pub fn validate(&self) -> Result<(), PolicyMsgError> {
         if self.schema != SCHEMA {
             return Err(PolicyMsgError::Schema { found: self.schema });
         }
-        if !matches!(self.task_dim, 3 | 4 | 6) {
-            return Err(PolicyMsgError::TaskDim(self.task_dim));
-        }
-        if self.n_components == 0 || self.n_components as usize > MAX_COMPONENTS {
-            return Err(PolicyMsgError::Components(self.n_components));
-        }
-        if self.activation > ACTIVATION_DECAY {
-            return Err(PolicyMsgError::Activation(self.activation));
+        if self.n_actions > 0 {
+            self.validate_actions()?;
+        } else {
+            self.validate_shape()?;
         }
         if self.digest != self.compute_digest() {
             return Err(PolicyMsgError::Digest);
@@ -184,6 +208,31 @@ impl PolicyMsg {
             component.validate(i)?;
         }
         Ok(())
+    }
+
+    fn validate_shape(&self) -> Result<(), PolicyMsgError> {
+        if !matches!(self.task_dim, 3 | 4 | 6) {
+            return Err(PolicyMsgError::TaskDim(self.task_dim));
+        }
+        if self.n_components == 0 || self.n_components as usize > MAX_COMPONENTS {
+            return Err(PolicyMsgError::Components(self.n_components));
+        }
+        if self.activation > ACTIVATION_DECAY {
+            return Err(PolicyMsgError::Activation(self.activation));
+        }
+        Ok(())
+    }
+
+    fn validate_actions(&self) -> Result<(), PolicyMsgError> {
+        if self.n_actions as usize > MAX_ACTIONS || self.n_components > 0 {
+            let (actions, components) = (self.n_actions, self.n_components);
+            return Err(PolicyMsgError::Actions { actions, components });
+        }
+        let (field, min, max) = ("action", -ACTION_MAX, ACTION_MAX);
+        match self.actions().iter().find(|value| !(min..=max).contains(*value)) {
+            Some(&value) => Err(PolicyMsgError::Range { field, value, min, max }),
+            None => Ok(()),
+        }
     }
 }
 
@@ -238,6 +287,20 @@ mod tests {
             let error = policy.sealed().validate().expect_err(field).to_string();
             assert!(error.contains(field), "{field}: {error}");
         }
+    }
+
+    #[test]
+    fn a_policy_is_springs_or_an_action() {
+        let action = PolicyMsg::of_action(&[8.0, 2.0]).sealed();
+        assert_eq!((action.validate(), action.actions()), (Ok(()), &[8.0, 2.0][..]));
+        let both = PolicyMsg { n_actions: 1, ..valid() }.sealed().validate();
+        assert_eq!(both, Err(PolicyMsgError::Actions { actions: 1, components: 8 }));
+        let many = PolicyMsg { n_actions: 9, ..PolicyMsg::EMPTY }.sealed();
+        assert!(many.validate().unwrap_err().to_string().contains("n_actions is 9"));
+        let nan = PolicyMsg::of_action(&[f64::NAN]).sealed();
+        assert!(nan.validate().unwrap_err().to_string().contains("action is NaN"));
+        let torn = PolicyMsg { action: [8.1; MAX_ACTIONS], ..action };
+        assert_eq!(torn.validate(), Err(PolicyMsgError::Digest));
     }
 
     #[test]

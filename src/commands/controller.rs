@@ -1,9 +1,13 @@
 //! `skillet controller`: the controller service of a cell.
 
+use std::sync::atomic::AtomicBool;
+
 use anyhow::Result;
+use physics::action::Landscape;
 use physics::outcome::OutcomeConfig;
 use physics::pancake::PancakePlant;
 use rt_controller::run::Controlled;
+use rt_controller::{Pace, RunSummary};
 use shm_types::cell::Cell;
 
 use crate::Verdict;
@@ -20,15 +24,11 @@ pub fn run(args: &ControllerArgs) -> Result<Verdict> {
     log::start(&config.log);
     let cell = Cell::new(args.cell.as_deref().unwrap_or(&config.cell.name))?;
 
-    let model = setup::arm(&config)?;
-    let q0 = config.plant.start_posture();
-    let world = config.plant.world(config.controller.period_s());
-    let mut plant = PancakePlant::new(&model, &q0, &world);
-    let outcome = OutcomeConfig { pan_radius: world.pan_radius, ..OutcomeConfig::default() };
-
-    let controlled = Controlled { model: &model, plant: &mut plant, q0, outcome };
-    let summary =
-        rt_controller::run(&cell, &config.controller, args.pace.into(), controlled, &stop)?;
+    let summary = match config.task.name.as_str() {
+        "landscape" => rt_controller::run_action(&cell, &Landscape, &stop)?,
+        "skittles" => rt_controller::run_action(&cell, &config.task.skittles(), &stop)?,
+        _ => run_arm(&cell, &config, args.pace.into(), &stop)?,
+    };
     tracing::info!(
         rollouts = summary.rollouts,
         policies_refused = summary.policies_refused,
@@ -37,4 +37,14 @@ pub fn run(args: &ControllerArgs) -> Result<Verdict> {
         "controller ended in order"
     );
     Ok(Verdict::Done)
+}
+
+fn run_arm(cell: &Cell, config: &Config, pace: Pace, stop: &AtomicBool) -> Result<RunSummary> {
+    let model = setup::arm(config)?;
+    let q0 = config.plant.start_posture();
+    let world = config.plant.world(config.controller.period_s());
+    let mut plant = PancakePlant::new(&model, &q0, &world);
+    let outcome = OutcomeConfig { pan_radius: world.pan_radius, ..OutcomeConfig::default() };
+    let controlled = Controlled { model: &model, plant: &mut plant, q0, outcome };
+    Ok(rt_controller::run(cell, &config.controller, pace, controlled, stop)?)
 }

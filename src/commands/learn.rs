@@ -16,7 +16,7 @@ use shm_types::ports::ToolPorts;
 
 use crate::Verdict;
 use crate::children::Service;
-use crate::cli::LearnArgs;
+use crate::cli::{LearnArgs, Task};
 use crate::config::Config;
 use crate::output::print;
 use crate::progress::{Progress, TrialLine};
@@ -65,7 +65,10 @@ fn prepare(args: &LearnArgs) -> Result<(SessionFolder, Config)> {
         (None, true) => Some(stored.as_path()),
         (None, false) => None,
     };
-    let mut config = Config::load(source)?;
+    let mut config = match source {
+        Some(path) => Config::load(Some(path))?,
+        None => Config::of_task(args.task.name()),
+    };
     if config.task.name != args.task.name() {
         bail!(
             "{}: this session belongs to the task '{}', not '{}': choose another folder with --out",
@@ -76,16 +79,20 @@ fn prepare(args: &LearnArgs) -> Result<(SessionFolder, Config)> {
     }
     config.learner.seed = args.seed.unwrap_or(config.learner.seed);
     config.learner.rollouts = args.rollouts.unwrap_or(config.learner.rollouts);
+    config.learner.prefer = args.prefer.map_or(config.learner.prefer, Into::into);
+    if let Some(target) = args.target {
+        if args.task != Task::Skittles {
+            bail!("--target belongs to the task skittles; leave it out");
+        }
+        config.task.target_m = target;
+    }
     config.validate()?;
 
     if folder.has_session() {
         folder.expect_same_world(&config)?;
         drop(folder.lock()?);
     }
-    let model = setup::arm(&config)?;
-    let demonstration = setup::demonstration(&config)?;
-    setup::check_duration(&config, &demonstration)?;
-    setup::check_reach(&model, &config.plant.start_posture(), &demonstration)?;
+    setup::check(&config)?;
     if folder.database().exists() {
         let session = || format!("session {}", folder.dir().display());
         let store = Store::open(&folder.database()).with_context(session)?;
@@ -128,7 +135,8 @@ fn run_services(
     ]
     .concat();
 
-    let progress = Progress::new(config.learner.rollouts, stored_trials(&folder.database()));
+    let progress =
+        Progress::new(config.learner.rollouts, stored_trials(&folder.database()), config.has_arm());
     let mut controller =
         Service::start("controller", &controller_args, folder.log("controller"), Stdio::null())?;
     let mut learner =
@@ -216,6 +224,7 @@ fn summary(folder: &SessionFolder, config: &Config, run: &Run, wall: Duration) -
     let trials = Store::open(&folder.database())?.trials()?;
     let result = Achievement::of(&trials);
     Ok(Summary {
+        modes: commands::modes::summary(folder.dir())?,
         task: config.task.name.clone(),
         seed: config.learner.seed,
         result,

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use anyhow::{Context, Result};
 use learner::Learner;
+use learner::modes::choose;
 use learner::session::{self, End, Event};
 use learner::store::SessionMeta;
 use shm_types::cell::{Cell, Role};
@@ -34,9 +35,7 @@ pub fn run(args: &LearnerArgs) -> Result<Verdict> {
         }
     } else {
         let config = Config::load(args.config.as_deref())?;
-        let demonstration = setup::demonstration(&config)?;
-        setup::check_duration(&config, &demonstration)?;
-        setup::check_reach(&setup::arm(&config)?, &config.plant.start_posture(), &demonstration)?;
+        setup::check(&config)?;
         folder.write(&config)?;
     }
     let config = Config::load(Some(&folder.config_path()))?;
@@ -60,10 +59,12 @@ pub fn run(args: &LearnerArgs) -> Result<Verdict> {
     let mut line = TrialLine::so_far(&learner.summary());
     let mut on_event = |event| report(&event, &mut line, args.json);
     let end = session::run(&ports, &mut learner, &stop, &mut on_event)?;
-    let answer = learner.mean_policy()?;
+    let modes = learner.modes()?;
+    let answer = choose(modes.iter().map(|(report, _)| report), config.learner.prefer);
     tracing::info!(
         trials = learner.trials().len(),
-        mean_policy = answer.policy_id,
+        modes = modes.len(),
+        answer = answer.map(|report| report.number),
         "learner ended in order"
     );
     Ok(if end == End::Done { Verdict::Done } else { Verdict::Negative })
@@ -80,7 +81,7 @@ fn open(folder: &SessionFolder, config: &Config) -> Result<Learner> {
             config_toml: config.to_toml()?,
             learner: config.learner.clone(),
         };
-        Learner::create(folder.dir(), meta, &setup::demonstration(config)?)
+        Learner::create(folder.dir(), meta, setup::check(config)?.as_ref())
     };
     learner.with_context(|| format!("session {}", folder.dir().display()))
 }
@@ -103,6 +104,9 @@ fn report(event: &Event, line: &mut TrialLine, json: bool) {
             tracing::warn!("controller silent for {:.1} s; waiting for it", age.as_secs_f64());
         }
         Event::ControllerBack => tracing::info!("controller is back"),
+        Event::SetAside { rollout, reason } => {
+            tracing::warn!("rollout {rollout} set aside, not learnt: {reason}");
+        }
         Event::AskedAgain { rollout, reason } => {
             tracing::warn!("rollout {rollout} asked for again: {reason}");
         }

@@ -4,6 +4,7 @@ pub mod config;
 pub mod controller;
 pub mod learn;
 pub mod learner;
+pub mod modes;
 pub mod policy;
 pub mod report;
 pub mod status;

@@ -8,6 +8,7 @@ use learner::store::{Store, TrialRecord};
 use serde_json::json;
 use shm_types::policy::{ACTIVATION_DECAY, PolicyMsg};
 
+use super::modes;
 use super::report::open;
 use crate::Verdict;
 use crate::cli::{PolicyArgs, PolicyVerb};
@@ -17,6 +18,9 @@ use crate::session_folder::SessionFolder;
 pub fn run(args: &PolicyArgs) -> Result<Verdict> {
     match &args.verb {
         PolicyVerb::List { session, best, json } => list(&store(session)?, *best, *json),
+        PolicyVerb::Modes { session, prefer, json } => modes::list(session, *prefer, *json),
+        PolicyVerb::Forbid { session, mode } => modes::forbid(session, mode),
+        PolicyVerb::Export { session, prefer, mode } => modes::export(session, *prefer, *mode),
         PolicyVerb::Show { session, id, json } => show(&store(session)?, *id, *json),
     }
 }
@@ -37,10 +41,16 @@ fn list(store: &Store, best: Option<usize>, as_json: bool) -> Result<Verdict> {
         print_json(&rows)?;
         return Ok(Verdict::Done);
     }
+    let has_arm = !store.meta().learner.action.is_used();
+    print(&if has_arm { table(&trials) } else { action_table(&trials) })?;
+    Ok(Verdict::Done)
+}
+
+fn table(trials: &[TrialRecord]) -> String {
     let mut text =
         "policy  rollout  reward  caught  apex m  angle rad  lateral m  applied at tick\n"
             .to_string();
-    for trial in &trials {
+    for trial in trials {
         let outcome = &trial.outcome;
         text += &format!(
             "{:6}  {:7}  {:6.3}  {:6}  {:6.3}  {:9.3}  {:9.3}  {}\n",
@@ -54,8 +64,23 @@ fn list(store: &Store, best: Option<usize>, as_json: bool) -> Result<Verdict> {
             trial.applied_tick
         );
     }
-    print(&text)?;
-    Ok(Verdict::Done)
+    text
+}
+
+fn action_table(trials: &[TrialRecord]) -> String {
+    let mut text = "policy  rollout    reward  measured  action\n".to_string();
+    for trial in trials {
+        let action: Vec<String> = trial.theta.iter().map(|x| format!("{x:.4}")).collect();
+        text += &format!(
+            "{:6}  {:7}  {:8.5}  {:8.5}  {}\n",
+            trial.policy_id,
+            trial.rollout,
+            trial.reward,
+            trial.outcome.value,
+            action.join(" ")
+        );
+    }
+    text
 }
 
 fn row(trial: &TrialRecord) -> serde_json::Value {
@@ -83,6 +108,10 @@ fn show(store: &Store, id: u64, as_json: bool) -> Result<Verdict> {
 }
 
 fn as_text(policy: &PolicyMsg) -> String {
+    if policy.n_actions > 0 {
+        let (id, rollout) = (policy.policy_id, policy.rollout);
+        return format!("policy {id} of rollout {rollout}: action {:?}\n", policy.actions());
+    }
     let d = policy.task_dim as usize;
     let driven = if policy.activation == ACTIVATION_DECAY { "decay" } else { "time" };
     let mut text = format!(

@@ -27,6 +27,7 @@ pub fn session(n: u64) -> ReportData {
     let learnt = learnt(initial);
     let (learnt_path, crossing_s) = flip(&learnt);
     let learnt_outcome = OutcomeMsg {
+        value: 0.0,
         flags: OUTCOME_TOSSED | OUTCOME_SUCCESS,
         release_time_s: RELEASE_S,
         release_speed_m_s: SPEED,

@@ -1,9 +1,17 @@
 //! `skillet study`: many seeds in this process, tables with intervals, the paper's figures.
 
 mod cmaes;
+mod comparison;
+mod contender;
+mod landscape;
+mod literal;
+mod niching;
 mod runner;
 mod sample;
+mod skittles;
 mod statistics;
+mod tune;
+mod tuned;
 
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
@@ -24,7 +32,32 @@ pub struct Study {
 }
 
 /// Every study, in the order of `--help`.
-pub const STUDIES: &[Study] = &[];
+pub const STUDIES: &[Study] = &[
+    Study {
+        name: "literal",
+        version: 1,
+        about: "Algorithm 1 as printed, on the landscape of Sec. 4.2",
+        run_seed: literal::run_seed,
+    },
+    Study {
+        name: "comparison",
+        version: 1,
+        about: "every method with tuned settings, on landscape and skittles",
+        run_seed: comparison::run_seed,
+    },
+    Study {
+        name: "tune",
+        version: 1,
+        about: "the settings drawn for each method of the comparison",
+        run_seed: tune::run_seed,
+    },
+    Study {
+        name: "niching",
+        version: 1,
+        about: "all optima of the CEC 2013 functions F1 to F10",
+        run_seed: niching::run_seed,
+    },
+];
 
 /// The table of a study.
 #[derive(Debug, Serialize)]

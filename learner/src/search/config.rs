@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::algorithm1::Algorithm1Config;
 use super::cem::CemConfig;
 use super::enac::EnacConfig;
 use super::niching::NichingConfig;
@@ -32,6 +33,8 @@ pub enum Method {
     Enac,
     /// All optima of a known box.
     Niching,
+    /// Mixture search with split and merge as printed, Algorithm 1.
+    Algorithm1,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -46,6 +49,7 @@ pub struct SearchConfig {
     pub reinforce: ReinforceConfig,
     pub enac: EnacConfig,
     pub niching: NichingConfig,
+    pub algorithm1: Algorithm1Config,
 }
 
 impl Default for SearchConfig {
@@ -60,6 +64,7 @@ impl Default for SearchConfig {
             reinforce: ReinforceConfig::default(),
             enac: EnacConfig::default(),
             niching: NichingConfig::default(),
+            algorithm1: Algorithm1Config::default(),
         }
     }
 }
@@ -75,6 +80,7 @@ impl SearchConfig {
         check("search.reinforce.", &self.reinforce.ranges())?;
         check("search.enac.", &self.enac.ranges())?;
         check("search.niching.", &self.niching.ranges())?;
+        check("search.algorithm1.", &self.algorithm1.ranges())?;
         Ok(())
     }
 }

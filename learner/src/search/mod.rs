@@ -1,12 +1,16 @@
 //! The search: proposes θ, learns from trials, and knows nothing of robots.
 
+pub mod algorithm1;
+mod ask_tell;
 pub mod batch;
 pub mod cem;
 #[cfg(test)]
 mod comparators_tests;
 mod config;
 pub mod enac;
+pub mod gaussian;
 pub mod gradient;
+pub mod mixture;
 pub mod niching;
 pub mod normals;
 pub mod pi2;
@@ -15,9 +19,13 @@ pub mod random;
 pub mod reinforce;
 pub mod rwr;
 mod space;
+pub mod split_merge;
+#[cfg(test)]
+mod vectors;
 
 use nalgebra::{DMatrix, DVector};
 
+pub use ask_tell::{AskTell, TellError};
 pub use config::{Method, SearchConfig};
 pub use space::{Bounds, BoundsError, Space};
 
@@ -72,6 +80,7 @@ pub struct SearchSnapshot {
 /// The configured search in `space`.
 pub fn build(config: &SearchConfig, seed: u64, space: Space) -> Box<dyn Search> {
     match config.method {
+        Method::Algorithm1 => Box::new(algorithm1::Algorithm1::new(config.algorithm1, seed, space)),
         Method::Power => Box::new(power::Power::new(config.power, seed, space)),
         Method::Random => Box::new(random::Random::new(config.random, seed, space)),
         Method::Cem => Box::new(BatchSearch::new(config.cem, seed, space)),

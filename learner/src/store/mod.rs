@@ -4,6 +4,7 @@
 
 mod error;
 mod meta;
+mod modes;
 mod read;
 mod rows;
 
@@ -24,7 +25,7 @@ use crate::search::SearchSnapshot;
 use crate::trial::Proposal;
 
 /// Format of the session file; raised whenever an older program could not read it.
-pub const FORMAT_VERSION: i64 = 1;
+pub const FORMAT_VERSION: i64 = 2;
 /// "SKLT" in the file's header: how `file` and [`Store::open`] recognise a session.
 const APPLICATION_ID: i64 = 0x534b_4c54;
 /// How long to wait for another program's short transaction.

@@ -15,8 +15,8 @@ pub enum PolicyKind {
     Initial,
     /// Executed as a rollout.
     Trial,
-    /// The mean of the search.
-    Mean,
+    /// What a mode of the search stands for.
+    Mode,
 }
 
 impl PolicyKind {
@@ -24,7 +24,7 @@ impl PolicyKind {
         match self {
             PolicyKind::Initial => "initial",
             PolicyKind::Trial => "trial",
-            PolicyKind::Mean => "mean",
+            PolicyKind::Mode => "mode",
         }
     }
 }
@@ -42,6 +42,8 @@ pub struct TrialRecord {
     pub applied_tick: u64,
     pub fault: u64,
     pub n_records: u64,
+    /// It gave no usable episode; the search was not told.
+    pub set_aside: bool,
     pub outcome: OutcomeMsg,
 }
 
@@ -65,7 +67,7 @@ pub struct Event {
 
 /// Columns of `trials` in the order [`trial_from_row`] reads them.
 pub(super) const TRIAL_COLUMNS: &str = "rollout, theta, reward, policy_id, policy_digest, boot_id, \
-     applied_tick, fault, n_records, outcome_flags, release_time_s, release_speed_m_s, \
+     applied_tick, fault, n_records, set_aside, outcome_flags, value, release_time_s, release_speed_m_s, \
      release_spin_rad_s, apex_m, crossing_time_s, flip_angle_rad, distance_m, lateral_m, \
      final_lateral_m";
 
@@ -77,16 +79,17 @@ pub(super) fn trial_from_row(row: &Row<'_>) -> rusqlite::Result<Result<TrialReco
         (from_hex(&row.get::<_, String>(4)?), from_hex(&row.get::<_, String>(5)?));
     let reward: f64 = row.get(2)?;
     let outcome = OutcomeMsg {
-        flags: integer(row.get(9)?),
-        release_time_s: row.get(10)?,
-        release_speed_m_s: row.get(11)?,
-        release_spin_rad_s: row.get(12)?,
-        apex_m: row.get(13)?,
-        crossing_time_s: row.get(14)?,
-        flip_angle_rad: row.get(15)?,
-        distance_m: row.get(16)?,
-        lateral_m: row.get(17)?,
-        final_lateral_m: row.get(18)?,
+        flags: integer(row.get(10)?),
+        value: row.get(11)?,
+        release_time_s: row.get(12)?,
+        release_speed_m_s: row.get(13)?,
+        release_spin_rad_s: row.get(14)?,
+        apex_m: row.get(15)?,
+        crossing_time_s: row.get(16)?,
+        flip_angle_rad: row.get(17)?,
+        distance_m: row.get(18)?,
+        lateral_m: row.get(19)?,
+        final_lateral_m: row.get(20)?,
     };
     let (Some(theta), Some(policy_digest), Some(boot_id)) = (theta, digest, boot_id) else {
         return Ok(Err(format!("trial {rollout}: theta, policy_digest or boot_id is damaged")));
@@ -104,6 +107,7 @@ pub(super) fn trial_from_row(row: &Row<'_>) -> rusqlite::Result<Result<TrialReco
         applied_tick: integer(row.get(6)?),
         fault: integer(row.get(7)?),
         n_records: integer(row.get(8)?),
+        set_aside: row.get(9)?,
         outcome,
     }))
 }
@@ -135,8 +139,8 @@ pub(super) fn insert_trial(
 ) -> rusqlite::Result<()> {
     let query = format!(
         "INSERT INTO trials ({TRIAL_COLUMNS}, success, path) VALUES (:rollout, :theta, :reward, \
-         :policy_id, :policy_digest, :boot_id, :applied_tick, :fault, :n_records, :flags, \
-         :release_time_s, :release_speed_m_s, :release_spin_rad_s, :apex_m, :crossing_time_s, \
+         :policy_id, :policy_digest, :boot_id, :applied_tick, :fault, :n_records, :set_aside, :flags, \
+         :value, :release_time_s, :release_speed_m_s, :release_spin_rad_s, :apex_m, :crossing_time_s, \
          :flip_angle_rad, :distance_m, :lateral_m, :final_lateral_m, :success, :path)"
     );
     let outcome = &trial.outcome;
@@ -152,7 +156,9 @@ pub(super) fn insert_trial(
             ":applied_tick": signed(trial.applied_tick),
             ":fault": signed(trial.fault),
             ":n_records": signed(trial.n_records),
+            ":set_aside": trial.set_aside,
             ":flags": signed(outcome.flags),
+            ":value": outcome.value,
             ":release_time_s": outcome.release_time_s,
             ":release_speed_m_s": outcome.release_speed_m_s,
             ":release_spin_rad_s": outcome.release_spin_rad_s,

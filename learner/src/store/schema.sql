@@ -9,7 +9,7 @@ CREATE TABLE meta (
 
 CREATE TABLE policies (
     policy_id INTEGER PRIMARY KEY,
-    kind TEXT NOT NULL CHECK (kind IN ('initial', 'trial', 'mean')),
+    kind TEXT NOT NULL CHECK (kind IN ('initial', 'trial', 'mode')),
     rollout INTEGER NOT NULL,
     digest TEXT NOT NULL,
     message TEXT NOT NULL
@@ -26,6 +26,8 @@ CREATE TABLE trials (
     theta BLOB NOT NULL,
     reward REAL NOT NULL CHECK (reward >= 0),
     success INTEGER NOT NULL,
+    -- 1: it gave no usable episode; the search was not told.
+    set_aside INTEGER NOT NULL,
     policy_id INTEGER NOT NULL REFERENCES policies (policy_id),
     policy_digest TEXT NOT NULL,
     boot_id TEXT NOT NULL,
@@ -33,6 +35,7 @@ CREATE TABLE trials (
     fault INTEGER NOT NULL,
     n_records INTEGER NOT NULL,
     outcome_flags INTEGER NOT NULL,
+    value REAL NOT NULL,
     release_time_s REAL NOT NULL,
     release_speed_m_s REAL NOT NULL,
     release_spin_rad_s REAL NOT NULL,
@@ -51,6 +54,26 @@ CREATE TABLE searches (
     mean BLOB NOT NULL,
     std BLOB NOT NULL,
     floor REAL NOT NULL
+) STRICT;
+
+-- What the search has found, written when it stops: mean and covariance in scaled units, the latter
+-- by columns. All of it follows from the trials.
+CREATE TABLE modes (
+    mode INTEGER PRIMARY KEY,
+    prior REAL NOT NULL,
+    mean BLOB NOT NULL,
+    covariance BLOB NOT NULL,
+    policy_id INTEGER NOT NULL REFERENCES policies (policy_id),
+    trials INTEGER NOT NULL,
+    best_rollout INTEGER,
+    best_reward REAL,
+    tolerance REAL
+) STRICT;
+
+-- Means of modes that must not be used.
+CREATE TABLE forbidden (
+    id INTEGER PRIMARY KEY,
+    mean BLOB NOT NULL
 ) STRICT;
 
 CREATE TABLE events (

@@ -41,6 +41,7 @@ fn record(rollout: u64) -> TrialRecord {
         applied_tick: u64::MAX,
         fault: 2,
         n_records: 25,
+        set_aside: false,
         outcome: OutcomeMsg {
             flags: OUTCOME_SUCCESS,
             apex_m: 0.7,
@@ -178,7 +179,7 @@ fn refuses_another_format_and_another_task() {
     assert!(error.contains("of the task `pancake`, not `skittles`"), "{error}");
     store.connection.pragma_update(None, "user_version", 99).unwrap();
     drop(store);
-    assert!(refusal(&path).contains("session format 99, this program writes 1"));
+    assert!(refusal(&path).contains("session format 99, this program writes 2"));
 }
 
 #[test]

@@ -1,9 +1,8 @@
 //! Eqs. (1) and (6) against reference vectors, and the properties of the search.
 
-use std::path::PathBuf;
-
 use serde::Deserialize;
 
+use super::super::vectors::{matrix, read, trials};
 use super::*;
 
 #[derive(Deserialize)]
@@ -33,20 +32,6 @@ fn plain() -> PowerConfig {
     }
 }
 
-fn vectors(name: &str) -> Vec<Case> {
-    let directory = std::env::var_os("SKILLET_VECTORS").map_or_else(
-        || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/vectors")),
-        PathBuf::from,
-    );
-    let path = directory.join(name);
-    let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{path:?}: {e}"));
-    serde_json::from_str(&text).unwrap_or_else(|e| panic!("{path:?}: {e}"))
-}
-
-fn matrix(rows: &[Vec<f64>]) -> DMatrix<f64> {
-    DMatrix::from_fn(rows.len(), rows.len(), |i, j| rows[i][j])
-}
-
 /// The `n` best trials.
 fn elites(mut trials: Vec<Trial>, n: usize) -> Vec<Trial> {
     trials.sort_by(by_reward);
@@ -54,19 +39,11 @@ fn elites(mut trials: Vec<Trial>, n: usize) -> Vec<Trial> {
     trials
 }
 
-fn trials(thetas: &[Vec<f64>], rewards: &[f64]) -> Vec<Trial> {
-    let trial = |((i, theta), &reward): ((usize, &Vec<f64>), &f64)| Trial {
-        rollout: i as u64 + 1,
-        theta: DVector::from_vec(theta.clone()),
-        reward,
-        success: false,
-    };
-    thetas.iter().enumerate().zip(rewards).map(trial).collect()
-}
-
 #[test]
 fn matches_the_reference_vectors() {
-    for case in vectors("power_cov.json") {
+    let cases: Vec<Case> = read("power_cov.json");
+    assert!(!cases.is_empty());
+    for case in cases {
         let n = if case.n_elites == 0 { case.r.len() } else { case.n_elites };
         let elites = elites(trials(&case.theta, &case.r), n);
         let theta_old = DVector::from_vec(case.theta_old);

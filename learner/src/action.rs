@@ -1,0 +1,88 @@
+//! `[learner.action]`: where the search begins when the policy is an action vector (Sec. 4.2).
+
+use nalgebra::DVector;
+use serde::{Deserialize, Serialize};
+use shm_types::MAX_ACTIONS;
+
+use crate::range::ConfigError;
+use crate::search::{Bounds, Space};
+
+/// Empty for a task with an arm. All in the units of the task's world.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ActionConfig {
+    /// Where the search begins.
+    pub start: Vec<f64>,
+    /// Box that is known to hold the solutions; both empty when none is known.
+    pub min: Vec<f64>,
+    pub max: Vec<f64>,
+}
+
+impl ActionConfig {
+    /// The policy is an action vector.
+    pub fn is_used(&self) -> bool {
+        !self.start.is_empty()
+    }
+
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        let error = |field: &str, value: String, allowed: &str| ConfigError::Range {
+            field: format!("action.{field}"),
+            value,
+            allowed: allowed.into(),
+        };
+        if self.start.len() > MAX_ACTIONS || self.start.iter().any(|value| !value.is_finite()) {
+            let allowed = format!("at most {MAX_ACTIONS} finite numbers");
+            return Err(error("start", format!("{:?}", self.start), &allowed));
+        }
+        let Some(bounds) = self.bounds() else { return Ok(()) };
+        let bounds = bounds.map_err(|why| {
+            let value = format!("{:?} and max {:?}", self.min, self.max);
+            error("min", value, &format!("another box: {why}"))
+        })?;
+        if !bounds.contains(&self.theta_0()) {
+            return Err(error("start", format!("{:?}", self.start), "a start within the box"));
+        }
+        Ok(())
+    }
+
+    /// The space of the search. Precondition: [`ActionConfig::validate`] passed.
+    pub fn space(&self) -> Space {
+        let bounds = self.bounds().and_then(Result::ok);
+        Space { bounds, ..Space::white(self.theta_0()) }
+    }
+
+    fn theta_0(&self) -> DVector<f64> {
+        DVector::from_column_slice(&self.start)
+    }
+
+    fn bounds(&self) -> Option<Result<Bounds, crate::search::BoundsError>> {
+        let is_known = !(self.min.is_empty() && self.max.is_empty());
+        is_known.then(|| Bounds::new(self.start.len(), &self.min, &self.max))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn refuses_what_is_no_start_or_no_box() {
+        let config = |start: &[f64], min: &[f64], max: &[f64]| ActionConfig {
+            start: start.into(),
+            min: min.into(),
+            max: max.into(),
+        };
+        assert_eq!(config(&[8.0, 2.0], &[], &[]).validate(), Ok(()));
+        assert_eq!(config(&[8.0, 2.0], &[0.0, 0.0], &[10.0, 10.0]).validate(), Ok(()));
+        for (bad, expected) in [
+            (config(&[0.0; 9], &[], &[]), "at most 8"),
+            (config(&[f64::NAN], &[], &[]), "learner.action.start is [NaN]"),
+            (config(&[1.0], &[2.0], &[2.0]), "empty in parameter 0"),
+            (config(&[1.0], &[2.0], &[]), "1 minima and 0 maxima"),
+            (config(&[1.0], &[2.0], &[3.0]), "a start within the box"),
+        ] {
+            let message = bad.validate().unwrap_err().to_string();
+            assert!(message.contains(expected), "{message}");
+        }
+    }
+}

@@ -1,0 +1,47 @@
+//! Why a session cannot start or go on, and why an episode is refused.
+
+use shm_types::episode::EpisodeError;
+use thiserror::Error;
+
+use crate::config::ConfigError;
+use crate::parameters::ParameterError;
+use crate::search::TellError;
+use crate::store::StoreError;
+
+/// Why a session cannot start or go on.
+#[derive(Debug, Error)]
+pub enum LearnerError {
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    #[error(transparent)]
+    Parameters(#[from] ParameterError),
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    #[error(
+        "rollout {rollout} cannot be reproduced from the stored session: resume it with the program \
+         that wrote it, or start another one with --out"
+    )]
+    NotReproduced { rollout: u64 },
+}
+
+/// Why an episode was refused. Except for `Learner` the caller ignores the episode and goes on; in
+/// no case has anything changed.
+#[derive(Debug, Error)]
+pub enum CompleteError {
+    #[error(transparent)]
+    Invalid(#[from] EpisodeError),
+    #[error("episode of session {found:016x} instead of {expected:016x}; ignored")]
+    ForeignSession { found: u64, expected: u64 },
+    #[error("episode of rollout {rollout}, which is stored already; ignored")]
+    Duplicate { rollout: u64 },
+    #[error("episode of rollout {rollout}, which was not asked for; ignored")]
+    NotAsked { rollout: u64 },
+    #[error("episode of rollout {rollout} executed another policy than the one asked for; ignored")]
+    OtherPolicy { rollout: u64 },
+    #[error("the controller did not execute rollout {rollout}: {reason}")]
+    NotExecuted { rollout: u64, reason: &'static str },
+    #[error(transparent)]
+    Tell(#[from] TellError),
+    #[error(transparent)]
+    Learner(LearnerError),
+}

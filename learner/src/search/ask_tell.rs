@@ -1,0 +1,121 @@
+//! The counter between a search and whoever runs its trials: only what was asked is learnt, once.
+
+use std::collections::BTreeSet;
+
+use nalgebra::DVector;
+use thiserror::Error;
+
+use super::{Mode, Search, SearchSnapshot};
+use crate::trial::{Proposal, Trial};
+
+/// Why a trial was not learnt. Nothing has changed; the session goes on.
+#[derive(Debug, Error, PartialEq)]
+pub enum TellError {
+    #[error("trial {rollout}: its reward is {reward}; rewards are finite and not negative")]
+    Reward { rollout: u64, reward: f64 },
+    #[error("trial {rollout}: θ has {found} numbers instead of {expected}")]
+    Dimension { rollout: u64, found: usize, expected: usize },
+    #[error("trial {rollout}: θ is not finite")]
+    Theta { rollout: u64 },
+    #[error("trial {rollout} was not asked for")]
+    NotAsked { rollout: u64 },
+    #[error("trial {rollout} was told already")]
+    Duplicate { rollout: u64 },
+}
+
+/// A search behind checks. Several rollouts may be in flight.
+pub struct AskTell {
+    search: Box<dyn Search>,
+    dim: usize,
+    in_flight: BTreeSet<u64>,
+    told: BTreeSet<u64>,
+}
+
+impl AskTell {
+    pub fn new(search: Box<dyn Search>) -> AskTell {
+        let dim = search.mean().len();
+        AskTell { search, dim, in_flight: BTreeSet::new(), told: BTreeSet::new() }
+    }
+
+    /// The θ for rollout `rollout` (from 1); asking again gives the same bits until something is
+    /// told.
+    pub fn ask(&mut self, rollout: u64) -> Proposal {
+        if !self.told.contains(&rollout) {
+            self.in_flight.insert(rollout);
+        }
+        self.search.ask(rollout)
+    }
+
+    pub fn tell(&mut self, trial: &Trial) -> Result<(), TellError> {
+        let Trial { rollout, reward, .. } = *trial;
+        if self.told.contains(&rollout) {
+            return Err(TellError::Duplicate { rollout });
+        }
+        if !self.in_flight.contains(&rollout) {
+            return Err(TellError::NotAsked { rollout });
+        }
+        let (found, expected) = (trial.theta.len(), self.dim);
+        if found != expected {
+            return Err(TellError::Dimension { rollout, found, expected });
+        }
+        if !trial.theta.iter().all(|value| value.is_finite()) {
+            return Err(TellError::Theta { rollout });
+        }
+        if !(reward.is_finite() && reward >= 0.0) {
+            return Err(TellError::Reward { rollout, reward });
+        }
+        self.in_flight.remove(&rollout);
+        self.told.insert(rollout);
+        self.search.tell(trial);
+        Ok(())
+    }
+
+    pub fn mean(&self) -> &DVector<f64> {
+        self.search.mean()
+    }
+
+    pub fn snapshot(&self, rollout: u64) -> SearchSnapshot {
+        self.search.snapshot(rollout)
+    }
+
+    pub fn modes(&self) -> Vec<Mode> {
+        self.search.modes()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::search::{SearchConfig, Space, build};
+
+    fn desk() -> AskTell {
+        let space = Space::white(DVector::zeros(2));
+        AskTell::new(build(&SearchConfig::default(), 1, space))
+    }
+
+    fn trial(rollout: u64, reward: f64) -> Trial {
+        Trial { rollout, theta: DVector::zeros(2), reward, success: false }
+    }
+
+    #[test]
+    fn bad_trials_are_named_and_change_nothing() {
+        let mut desk = desk();
+        let next = desk.ask(2);
+        for reward in [f64::NAN, f64::INFINITY, -1.0] {
+            let error = desk.tell(&trial(2, reward)).unwrap_err().to_string();
+            assert!(error.contains("trial 2: its reward is"), "{error}");
+        }
+        let long = Trial { theta: DVector::zeros(3), ..trial(2, 1.0) };
+        assert_eq!(
+            desk.tell(&long),
+            Err(TellError::Dimension { rollout: 2, found: 3, expected: 2 })
+        );
+        let far = Trial { theta: DVector::repeat(2, f64::NAN), ..trial(2, 1.0) };
+        assert_eq!(desk.tell(&far), Err(TellError::Theta { rollout: 2 }));
+        assert_eq!(desk.tell(&trial(9, 1.0)), Err(TellError::NotAsked { rollout: 9 }));
+        assert_eq!(desk.ask(2), next);
+
+        assert_eq!(desk.tell(&trial(2, 0.0)), Ok(()));
+        assert_eq!(desk.tell(&trial(2, 0.0)), Err(TellError::Duplicate { rollout: 2 }));
+    }
+}

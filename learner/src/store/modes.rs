@@ -1,0 +1,77 @@
+//! The tables `modes` and `forbidden`.
+
+use nalgebra::DVector;
+use rusqlite::params;
+use shm_types::policy::PolicyMsg;
+
+use super::rows::{PolicyKind, blob, insert_policy, integer, signed, vector};
+use super::{Store, StoreError};
+use crate::modes::ModeReport;
+
+impl Store {
+    /// Replaces the modes by those found now, with the policy of each; a policy that is stored
+    /// already stays.
+    pub fn put_modes(&mut self, modes: &[(ModeReport, PolicyMsg)]) -> Result<(), StoreError> {
+        let texts: Result<Vec<String>, _> =
+            modes.iter().map(|(_, policy)| self.policy_text(policy)).collect();
+        let texts = texts?;
+        let known: Result<Vec<bool>, _> = modes
+            .iter()
+            .map(|(_, policy)| Ok(self.policy(policy.policy_id)?.is_some()))
+            .collect::<Result<_, StoreError>>();
+        let known = known?;
+        self.transaction(|transaction| {
+            transaction.execute("DELETE FROM modes", [])?;
+            for (((report, policy), text), is_known) in modes.iter().zip(&texts).zip(&known) {
+                if !is_known {
+                    insert_policy(transaction, PolicyKind::Mode, policy, text)?;
+                }
+                let covariance = DVector::from_column_slice(report.mode.covariance.as_slice());
+                transaction.execute(
+                    "INSERT INTO modes (mode, prior, mean, covariance, policy_id, trials, \
+                     best_rollout, best_reward, tolerance) \
+                     VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9)",
+                    params![
+                        report.number as i64,
+                        report.mode.prior,
+                        blob(&report.mode.mean),
+                        blob(&covariance),
+                        signed(policy.policy_id),
+                        report.n_trials as i64,
+                        report.best.map(|(rollout, _)| signed(rollout)),
+                        report.best.map(|(_, reward)| reward),
+                        report.tolerance,
+                    ],
+                )?;
+            }
+            Ok(())
+        })
+    }
+
+    /// Forbids the mode whose mean is `mean`, and those that may come to lie there.
+    pub fn forbid(&mut self, mean: &DVector<f64>) -> Result<(), StoreError> {
+        self.transaction(|transaction| {
+            transaction.execute("INSERT INTO forbidden (mean) VALUES (?1)", [blob(mean)])?;
+            Ok(())
+        })
+    }
+
+    /// Allows every mode again.
+    pub fn allow_all(&mut self) -> Result<(), StoreError> {
+        self.transaction(|transaction| transaction.execute("DELETE FROM forbidden", []).map(drop))
+    }
+
+    /// Means of the forbidden modes.
+    pub fn forbidden(&self) -> Result<Vec<DVector<f64>>, StoreError> {
+        let query = "SELECT id, mean FROM forbidden ORDER BY id";
+        let mut statement = self.sql(self.connection.prepare(query))?;
+        let rows = self.sql(
+            statement.query_map([], |row| Ok((integer(row.get(0)?), row.get::<_, Vec<u8>>(1)?))),
+        )?;
+        rows.map(|row| {
+            let (id, bytes) = self.sql(row)?;
+            vector(&bytes).ok_or_else(|| self.corrupt(format!("forbidden mode {id} is damaged")))
+        })
+        .collect()
+    }
+}

@@ -1,0 +1,75 @@
+//! Runs the controller of a world without an arm: actions in, measured values out.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use nalgebra::Vector3;
+use physics::action::ActionWorld;
+use shm_types::cell::Cell;
+use shm_types::episode::{MAX_RECORDS, OutcomeMsg, TickRecord};
+
+use crate::admission::{Action, admit_action};
+use crate::config::Pace;
+use crate::exchange::Setup;
+use crate::rollout::Phase;
+use crate::run::{RunError, RunSummary};
+use crate::serve::{Done, Ends, Job, serve};
+
+/// How long the thread sleeps while there is nothing to do.
+const IDLE_SLEEP: Duration = Duration::from_micros(100);
+/// Time between two records of the tracked object.
+const PERIOD_NS: u64 = 1_000_000;
+const PERIOD_S: f64 = PERIOD_NS as f64 * 1e-9;
+
+/// Runs until `stop` is set. Such a world has no clock of its own: every rollout is immediate.
+pub fn run_action<W: ActionWorld>(
+    cell: &Cell,
+    world: &W,
+    stop: &AtomicBool,
+) -> Result<RunSummary, RunError> {
+    let admit = |message: &_| {
+        let action = admit_action(message, world.dim())?;
+        let path = world.path(&action.0[..world.dim()], PERIOD_S);
+        let n_records = path.len().min(MAX_RECORDS);
+        Ok(((action, path), n_records))
+    };
+    let never = AtomicBool::new(false);
+    let setup = Setup { admit: &admit, period_ns: PERIOD_NS, pace: Pace::Max, privileged: &never };
+    serve(cell, setup, stop, |ends| execute(ends, world, stop))
+}
+
+/// An action and the path of the tracked object under it.
+type Throw = (Action, Vec<Vector3<f64>>);
+
+fn execute<W: ActionWorld>(mut ends: Ends<Throw>, world: &W, stop: &AtomicBool) {
+    let mut tick = 0;
+    while !stop.load(Ordering::Relaxed) {
+        let Ok(Job { policy, mut episode }) = ends.jobs.pop() else {
+            std::thread::sleep(IDLE_SLEEP);
+            continue;
+        };
+        let (Action(action), path) = policy;
+        let action = &action[..world.dim()];
+        let n_records = record(&path, tick, episode.payload_mut());
+        let outcome = OutcomeMsg { value: world.measure(action), ..OutcomeMsg::ZERO };
+        let done = Done { episode, n_records, applied_tick: tick, fault: 0, outcome };
+        tick += n_records.max(1) as u64;
+        // Never full: the ring has a place for every loan.
+        let _ = ends.done.push(done);
+    }
+}
+
+/// Writes the path of the tracked object; returns the records in use.
+fn record(path: &[Vector3<f64>], first_tick: u64, records: &mut [TickRecord]) -> usize {
+    for (i, (record, position)) in records.iter_mut().zip(path).enumerate() {
+        *record = TickRecord {
+            tick: first_tick + i as u64,
+            phase: Phase::Execute as u32,
+            t_s: i as f64 * PERIOD_S,
+            object_position: (*position).into(),
+            object_quaternion: [1.0, 0.0, 0.0, 0.0],
+            ..TickRecord::ZERO
+        };
+    }
+    path.len().min(records.len())
+}

@@ -1,0 +1,74 @@
+//! One thread that executes, the exchange thread beside it, rings between them.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use rtrb::{Consumer, Producer, RingBuffer};
+use shm_types::cell::{Cell, Role};
+use shm_types::channel::{EPISODE_LOANS, EpisodeLoan};
+use shm_types::episode::OutcomeMsg;
+use shm_types::ports::ControllerPorts;
+use shm_types::telemetry::TelemetryTick;
+
+use crate::exchange::{Exchange, Setup};
+use crate::run::{RunError, RunSummary};
+
+/// Ticks the telemetry ring holds: 4 s at 1 kHz, 0.2 s at the pace of the simulation.
+const TELEMETRY_RING: usize = 4096;
+
+/// A rollout to execute: travels exchange → executing thread with the memory its records go to.
+pub(crate) struct Job<P> {
+    pub policy: P,
+    pub episode: EpisodeLoan,
+}
+
+/// An executed rollout: travels back.
+pub(crate) struct Done {
+    pub episode: EpisodeLoan,
+    pub n_records: usize,
+    pub applied_tick: u64,
+    pub fault: u32,
+    pub outcome: OutcomeMsg,
+}
+
+/// The executing thread's ends of the rings.
+pub(crate) struct Ends<P> {
+    pub jobs: Consumer<Job<P>>,
+    pub done: Producer<Done>,
+    pub telemetry: Producer<TelemetryTick>,
+}
+
+/// Serves the cell until `stop` is set; `execute` runs on its own thread and returns when `stop`
+/// is set. Holds the cell's controller lock.
+pub(crate) fn serve<P: Send>(
+    cell: &Cell,
+    setup: Setup<'_, P>,
+    stop: &AtomicBool,
+    execute: impl FnOnce(Ends<P>) + Send,
+) -> Result<RunSummary, RunError> {
+    let _lock = cell.lock(Role::Controller)?;
+    let ports = ControllerPorts::create(cell)?;
+    let (job_tx, jobs) = RingBuffer::new(EPISODE_LOANS);
+    let (done, done_rx) = RingBuffer::new(EPISODE_LOANS);
+    let (telemetry, telemetry_rx) = RingBuffer::new(TELEMETRY_RING);
+    std::thread::scope(|scope| {
+        let thread = std::thread::Builder::new()
+            .name("skillet-rt".into())
+            .spawn_scoped(scope, move || execute(Ends { jobs, done, telemetry }))
+            .map_err(|error| RunError::Panic(format!("it could not be started: {error}")))?;
+
+        tracing::info!(cell = cell.name(), pace = ?setup.pace, "controller ready");
+        let mut exchange = Exchange::new(ports, setup, job_tx, done_rx, telemetry_rx);
+        let summary = exchange.run(stop, || thread.is_finished());
+        // The thread may be waiting for its next deadline; it sees `stop` right after.
+        stop.store(true, Ordering::Relaxed);
+        match thread.join() {
+            Ok(()) => Ok(summary),
+            Err(panic) => Err(RunError::Panic(panic_text(&*panic))),
+        }
+    })
+}
+
+fn panic_text(panic: &(dyn std::any::Any + Send)) -> String {
+    let text = panic.downcast_ref::<&str>().map(|s| s.to_string());
+    text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "no message".into())
+}

@@ -1,0 +1,71 @@
+//! The landscape of Sec. 4.2's first experiment: one run of a search, and what is measured of it.
+
+use learner::search::{Mode, Search};
+use learner::trial::Trial;
+use nalgebra::{DVector, Vector2};
+use physics::landscape::{PEAK, PEAK_VALUE, height};
+
+use super::Sample;
+
+/// Trials of the paper's run.
+pub const N_TRIALS: u64 = 200;
+/// The bottom right corner, where the paper's search begins.
+pub const START: [f64; 2] = [8.0, 2.0];
+/// A centre this near to the peak has found it.
+const NEAR: f64 = 1.0;
+/// A reward of this share of the highest is a solution.
+const GOOD: f64 = 0.9;
+
+/// One run of a search.
+pub struct Run {
+    pub rewards: Vec<f64>,
+    /// K after each trial.
+    pub n_modes: Vec<usize>,
+    /// Where the search ended.
+    pub modes: Vec<Mode>,
+}
+
+/// `n_trials` trials of `search` on `reward`, which sees the number of the rollout too; `observe`
+/// sees the search after each trial.
+pub fn run<S: Search + ?Sized>(
+    search: &mut S,
+    n_trials: u64,
+    reward: impl Fn(u64, &Vector2<f64>) -> f64,
+    mut observe: impl FnMut(&S),
+) -> Run {
+    let (mut rewards, mut n_modes) = (Vec::new(), Vec::new());
+    for rollout in 1..=n_trials {
+        let theta = search.ask(rollout).theta;
+        let reward = reward(rollout, &point(&theta));
+        search.tell(&Trial { rollout, theta, reward, success: false });
+        rewards.push(reward);
+        n_modes.push(search.modes().len());
+        observe(search);
+    }
+    Run { rewards, n_modes, modes: search.modes() }
+}
+
+/// The numbers every method is compared by.
+pub fn samples(method: &str, Run { rewards, n_modes, modes }: &Run) -> Vec<Sample> {
+    let centre = point(&modes[0].mean);
+    let at_peak = near(&centre, PEAK);
+    let best = rewards.iter().copied().fold(0.0, f64::max);
+    let last = &rewards[rewards.len() - 20..];
+    let mean_k = n_modes.iter().sum::<usize>() as f64 / n_modes.len() as f64;
+    vec![
+        Sample::rate(method, "dominant at peak", at_peak),
+        Sample::rate(method, "K=1 at peak", at_peak && modes.len() == 1),
+        Sample::rate(method, "greedy >= 0.9", height(&centre) >= GOOD * PEAK_VALUE),
+        Sample::rate(method, "best >= 0.9", best >= GOOD * PEAK_VALUE),
+        Sample::mean(method, "mean K", mean_k),
+        Sample::mean(method, "reward of last 20", last.iter().sum::<f64>() / last.len() as f64),
+    ]
+}
+
+pub fn near(centre: &Vector2<f64>, peak: [f64; 2]) -> bool {
+    (centre - Vector2::from(peak)).norm() <= NEAR
+}
+
+pub fn point(theta: &DVector<f64>) -> Vector2<f64> {
+    Vector2::new(theta[0], theta[1])
+}
