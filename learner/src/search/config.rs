@@ -11,6 +11,7 @@ use super::power::PowerConfig;
 use super::random::RandomConfig;
 use super::reinforce::ReinforceConfig;
 use super::rwr::RwrConfig;
+use super::tempered::TemperedConfig;
 use crate::range::{ConfigError, check};
 
 /// Which search proposes the policies.
@@ -35,6 +36,8 @@ pub enum Method {
     Niching,
     /// Mixture search with split and merge as printed, Algorithm 1.
     Algorithm1,
+    /// Mixture search that is importance-corrected, tempered and finds its number of components.
+    Tempered,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -50,6 +53,7 @@ pub struct SearchConfig {
     pub enac: EnacConfig,
     pub niching: NichingConfig,
     pub algorithm1: Algorithm1Config,
+    pub tempered: TemperedConfig,
 }
 
 impl Default for SearchConfig {
@@ -65,6 +69,7 @@ impl Default for SearchConfig {
             enac: EnacConfig::default(),
             niching: NichingConfig::default(),
             algorithm1: Algorithm1Config::default(),
+            tempered: TemperedConfig::default(),
         }
     }
 }
@@ -81,6 +86,7 @@ impl SearchConfig {
         check("search.enac.", &self.enac.ranges())?;
         check("search.niching.", &self.niching.ranges())?;
         check("search.algorithm1.", &self.algorithm1.ranges())?;
+        check("search.tempered.", &self.tempered.ranges())?;
         Ok(())
     }
 }

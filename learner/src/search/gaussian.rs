@@ -50,6 +50,19 @@ impl Gaussian {
         self.mean.len()
     }
 
+    /// log of (2π)^(−D/2)·|Σ|^(−1/2).
+    pub fn log_normaliser(&self) -> f64 {
+        self.log_normaliser
+    }
+
+    /// (θ − μ)ᵀ Σ⁻¹ (θ − μ) of every column of `thetas` (D×n).
+    pub fn squared_distances(&self, thetas: &DMatrix<f64>) -> Vec<f64> {
+        let mut white = thetas.clone();
+        white.column_iter_mut().for_each(|mut column| column -= &self.mean);
+        self.cholesky.solve_lower_triangular_unchecked_mut(&mut white);
+        white.column_iter().map(|column| column.norm_squared()).collect()
+    }
+
     /// log 𝒩(θ | μ, Σ).
     pub fn log_density(&self, theta: &DVector<f64>) -> f64 {
         let mut white = theta - &self.mean;
@@ -90,6 +103,12 @@ pub fn log_sum_exp(values: &[f64]) -> f64 {
     max + values.iter().map(|x| (x - max).exp()).sum::<f64>().ln()
 }
 
+/// log(exp a + exp b).
+pub fn log_add(a: f64, b: f64) -> f64 {
+    let (less, more) = if a < b { (a, b) } else { (b, a) };
+    if less == f64::NEG_INFINITY { more } else { more + (less - more).exp().ln_1p() }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -127,5 +146,8 @@ mod tests {
         assert!((log_sum_exp(&[1e3, f64::NEG_INFINITY]) - 1e3).abs() < 1e-12);
         assert_eq!(log_sum_exp(&[f64::NEG_INFINITY; 2]), f64::NEG_INFINITY);
         assert_eq!(log_sum_exp(&[]), f64::NEG_INFINITY);
+        assert!((log_add(-1e6, -1e6 - 1.0) - (1.0 + (-1_f64).exp()).ln() + 1e6).abs() < 1e-9);
+        assert_eq!(log_add(f64::NEG_INFINITY, f64::NEG_INFINITY), f64::NEG_INFINITY);
+        assert_eq!(log_add(f64::NEG_INFINITY, 2.0), 2.0);
     }
 }

@@ -20,6 +20,7 @@ pub mod reinforce;
 pub mod rwr;
 mod space;
 pub mod split_merge;
+pub mod tempered;
 #[cfg(test)]
 mod vectors;
 
@@ -82,6 +83,7 @@ pub fn build(config: &SearchConfig, seed: u64, space: Space) -> Box<dyn Search> 
     match config.method {
         Method::Algorithm1 => Box::new(algorithm1::Algorithm1::new(config.algorithm1, seed, space)),
         Method::Power => Box::new(power::Power::new(config.power, seed, space)),
+        Method::Tempered => Box::new(tempered::Tempered::new(config.tempered, seed, space)),
         Method::Random => Box::new(random::Random::new(config.random, seed, space)),
         Method::Cem => Box::new(BatchSearch::new(config.cem, seed, space)),
         Method::Pi2 => Box::new(BatchSearch::new(config.pi2, seed, space)),
