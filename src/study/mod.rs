@@ -1,14 +1,20 @@
 //! `skillet study`: many seeds in this process, tables with intervals, the paper's figures.
 
 mod cmaes;
+mod comparison;
+mod contender;
 mod figures;
 mod landscape;
 mod literal;
+mod niching;
 mod pancake;
 mod runner;
 mod runs;
 mod sample;
+mod skittles;
 mod statistics;
+mod tune;
+mod tuned;
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
@@ -65,6 +71,14 @@ pub const STUDIES: &[Study] = &[
         pancake::run_seed,
     ),
     table_of("literal", "Algorithm 1 as printed, on the landscape", 1, literal::run_seed),
+    table_of(
+        "comparison",
+        "every method with tuned settings, on landscape and skittles",
+        1,
+        comparison::run_seed,
+    ),
+    table_of("tune", "the settings drawn for each method of the comparison", 1, tune::run_seed),
+    table_of("niching", "all optima of the CEC 2013 functions F1 to F10", 1, niching::run_seed),
     figure_of("fig5", "several optima and what a gradient finds", fig5::figure),
     figure_of("fig6", "splitting a Gaussian, Eq. (9)", |_| fig6::figure()),
     figure_of("fig7", "a run on the landscape", fig7::figure),

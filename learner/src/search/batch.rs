@@ -57,17 +57,17 @@ impl BatchConfig {
 /// 𝒩(μ, Σₘ fₘfₘᵀ + diag(s)²): what few trials say, and independent noise. It is sampled without
 /// a matrix decomposition, so no covariance is too flat for it.
 #[derive(Clone, Debug)]
-pub struct Gaussian {
+pub struct FactorGaussian {
     pub mean: DVector<f64>,
     pub factors: Vec<DVector<f64>>,
     /// s > 0, D numbers.
     pub std: DVector<f64>,
 }
 
-impl Gaussian {
-    pub fn isotropic(mean: DVector<f64>, std: f64) -> Gaussian {
+impl FactorGaussian {
+    pub fn isotropic(mean: DVector<f64>, std: f64) -> FactorGaussian {
         let std = DVector::from_element(mean.len(), std);
-        Gaussian { mean, factors: Vec::new(), std }
+        FactorGaussian { mean, factors: Vec::new(), std }
     }
 
     /// Weighted maximum likelihood: μ = Σₘ wₘ θₘ / Σ w and
@@ -77,7 +77,7 @@ impl Gaussian {
         weights: &[f64],
         centre: Option<&DVector<f64>>,
         floor: f64,
-    ) -> Gaussian {
+    ) -> FactorGaussian {
         let sum: f64 = weights.iter().sum();
         let mut mean = DVector::zeros(trials[0].theta.len());
         for (trial, weight) in trials.iter().zip(weights) {
@@ -86,7 +86,7 @@ impl Gaussian {
         let centre = centre.unwrap_or(&mean);
         let factor = |(trial, w): (&Trial, &f64)| (&trial.theta - centre) * (w / sum).sqrt();
         let factors = trials.iter().zip(weights).map(factor).collect();
-        Gaussian { factors, ..Gaussian::isotropic(mean, floor) }
+        FactorGaussian { factors, ..FactorGaussian::isotropic(mean, floor) }
     }
 
     pub fn sample(&self, seed: u64, rollout: u64) -> DVector<f64> {
@@ -113,7 +113,7 @@ pub trait Update: Send {
     fn batch(&self) -> &BatchConfig;
 
     /// The distribution after `gaussian`, from a batch with unequal rewards, best trial first.
-    fn update(&self, gaussian: &Gaussian, trials: &[Trial], floor: f64) -> Gaussian;
+    fn update(&self, gaussian: &FactorGaussian, trials: &[Trial], floor: f64) -> FactorGaussian;
 }
 
 /// A search that updates its Gaussian after each batch. Rollout 1 is θ₀, as in every method.
@@ -121,7 +121,7 @@ pub struct BatchSearch<U> {
     method: U,
     seed: u64,
     bounds: Option<Bounds>,
-    gaussian: Gaussian,
+    gaussian: FactorGaussian,
     /// Trials told since the last update.
     batch: Vec<Trial>,
     n_updates: i32,
@@ -129,7 +129,7 @@ pub struct BatchSearch<U> {
 
 impl<U: Update> BatchSearch<U> {
     pub fn new(method: U, seed: u64, space: Space) -> Self {
-        let gaussian = Gaussian::isotropic(space.theta_0, method.batch().initial_std);
+        let gaussian = FactorGaussian::isotropic(space.theta_0, method.batch().initial_std);
         let bounds = space.bounds;
         BatchSearch { method, seed, bounds, gaussian, batch: Vec::new(), n_updates: 0 }
     }

@@ -5,7 +5,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::batch::{BatchConfig, Gaussian, Update};
+use super::batch::{BatchConfig, FactorGaussian, Update};
 use crate::range::{Range, range};
 use crate::trial::Trial;
 
@@ -37,8 +37,8 @@ impl Update for CemConfig {
         &self.batch
     }
 
-    fn update(&self, _gaussian: &Gaussian, trials: &[Trial], floor: f64) -> Gaussian {
+    fn update(&self, _gaussian: &FactorGaussian, trials: &[Trial], floor: f64) -> FactorGaussian {
         let elites = &trials[..self.n_elites];
-        Gaussian::fit(elites, &vec![1.0; self.n_elites], None, floor)
+        FactorGaussian::fit(elites, &vec![1.0; self.n_elites], None, floor)
     }
 }

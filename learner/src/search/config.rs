@@ -22,8 +22,6 @@ pub enum Method {
     Power,
     /// Random search around the start, or in the box.
     Random,
-    /// Mixture search with split and merge as printed, Algorithm 1.
-    Algorithm1,
     /// Cross-entropy method.
     Cem,
     /// PI² with covariance adaptation.
@@ -36,6 +34,8 @@ pub enum Method {
     Enac,
     /// All optima of a known box.
     Niching,
+    /// Mixture search with split and merge as printed, Algorithm 1.
+    Algorithm1,
     /// Mixture search that is importance-corrected, tempered and finds its number of components.
     Tempered,
 }
@@ -46,13 +46,13 @@ pub struct SearchConfig {
     pub method: Method,
     pub power: PowerConfig,
     pub random: RandomConfig,
-    pub algorithm1: Algorithm1Config,
     pub cem: CemConfig,
     pub pi2: Pi2Config,
     pub rwr: RwrConfig,
     pub reinforce: ReinforceConfig,
     pub enac: EnacConfig,
     pub niching: NichingConfig,
+    pub algorithm1: Algorithm1Config,
     pub tempered: TemperedConfig,
 }
 
@@ -62,13 +62,13 @@ impl Default for SearchConfig {
             method: Method::Power,
             power: PowerConfig::default(),
             random: RandomConfig::default(),
-            algorithm1: Algorithm1Config::default(),
             cem: CemConfig::default(),
             pi2: Pi2Config::default(),
             rwr: RwrConfig::default(),
             reinforce: ReinforceConfig::default(),
             enac: EnacConfig::default(),
             niching: NichingConfig::default(),
+            algorithm1: Algorithm1Config::default(),
             tempered: TemperedConfig::default(),
         }
     }
@@ -79,13 +79,13 @@ impl SearchConfig {
     pub fn validate(&self) -> Result<(), ConfigError> {
         check("search.power.", &self.power.ranges())?;
         check("search.random.", &self.random.ranges())?;
-        check("search.algorithm1.", &self.algorithm1.ranges())?;
         check("search.cem.", &self.cem.ranges())?;
         check("search.pi2.", &self.pi2.ranges())?;
         check("search.rwr.", &self.rwr.ranges())?;
         check("search.reinforce.", &self.reinforce.ranges())?;
         check("search.enac.", &self.enac.ranges())?;
         check("search.niching.", &self.niching.ranges())?;
+        check("search.algorithm1.", &self.algorithm1.ranges())?;
         check("search.tempered.", &self.tempered.ranges())?;
         Ok(())
     }

@@ -7,7 +7,7 @@
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
-use super::batch::{BatchConfig, Gaussian, Update};
+use super::batch::{BatchConfig, FactorGaussian, Update};
 use super::gradient::{StepConfig, advantages, white};
 use crate::range::{Range, range};
 use crate::trial::Trial;
@@ -42,7 +42,7 @@ impl Update for EnacConfig {
 
     /// w = Ψᵀ(ΨΨᵀ + λI)⁻¹R over centred Ψ (n×2D) and R: the ridge regression in the form whose
     /// matrix is n×n, whatever D is.
-    fn update(&self, gaussian: &Gaussian, trials: &[Trial], floor: f64) -> Gaussian {
+    fn update(&self, gaussian: &FactorGaussian, trials: &[Trial], floor: f64) -> FactorGaussian {
         let (n, dim) = (trials.len(), gaussian.mean.len());
         let z = white(gaussian, trials);
         let mut psi = DMatrix::from_fn(n, 2 * dim, |m, i| match i.checked_sub(dim) {

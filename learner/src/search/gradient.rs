@@ -4,7 +4,7 @@
 use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
 
-use super::batch::Gaussian;
+use super::batch::FactorGaussian;
 use crate::range::{Range, range};
 use crate::trial::Trial;
 
@@ -38,14 +38,14 @@ impl StepConfig {
     /// μ + step·s∘`mean` and ln s + step·`log_std`, with s kept above `floor`.
     pub fn take(
         &self,
-        gaussian: &Gaussian,
+        gaussian: &FactorGaussian,
         mean: &DVector<f64>,
         log_std: &DVector<f64>,
         floor: f64,
-    ) -> Gaussian {
+    ) -> FactorGaussian {
         let limit = MAX_STD_FACTOR.ln();
         let factor = log_std.map(|g| (self.log_std * g).clamp(-limit, limit).exp());
-        Gaussian {
+        FactorGaussian {
             mean: &gaussian.mean + gaussian.std.component_mul(mean) * self.mean,
             factors: Vec::new(),
             std: gaussian.std.component_mul(&factor).map(|s| s.max(floor).min(MAX_STD.max(floor))),
@@ -54,7 +54,7 @@ impl StepConfig {
 }
 
 /// z = (θ − μ)/s of each trial.
-pub fn white(gaussian: &Gaussian, trials: &[Trial]) -> Vec<DVector<f64>> {
+pub fn white(gaussian: &FactorGaussian, trials: &[Trial]) -> Vec<DVector<f64>> {
     let z = |trial: &Trial| (&trial.theta - &gaussian.mean).component_div(&gaussian.std);
     trials.iter().map(z).collect()
 }

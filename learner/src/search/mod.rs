@@ -4,7 +4,6 @@ pub mod algorithm1;
 mod ask_tell;
 pub mod batch;
 pub mod cem;
-pub mod climb;
 #[cfg(test)]
 mod comparators_tests;
 mod config;

@@ -11,15 +11,19 @@
 //! The work of a trial does not grow with their number; the nearest known optimum is looked for
 //! once per test.
 
-use nalgebra::{DMatrix, DVector};
-use rand::RngExt;
-use serde::{Deserialize, Serialize};
+mod climb;
+mod config;
+mod optima;
 
-use super::climb::{Climb, ClimbConfig};
+use climb::Climb;
+pub use config::NichingConfig;
+use nalgebra::{DMatrix, DVector};
+use optima::{Optima, Optimum};
+use rand::RngExt;
+
 use super::normals::{standard_normal, stream};
 use super::power::by_reward;
 use super::{Bounds, Mode, Search, SearchSnapshot, Space};
-use crate::range::{Range, range};
 use crate::trial::{Proposal, Trial};
 
 /// Where between two places a valley is looked for, in this order.
@@ -30,63 +34,6 @@ const ROUNDING: f64 = 1e-12;
 const RESOLUTION: f64 = 10.0;
 /// The stream that shifts the even places; no rollout has this number.
 const SHIFT_STREAM: u64 = 0;
-
-/// Settings; lengths in widths of the box.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct NichingConfig {
-    /// Even places of which the best becomes a start.
-    pub n_candidates: usize,
-    /// Standard deviation of a climb's first trials, in distances to the nearest known optimum …
-    pub relative_std: f64,
-    /// … and at most.
-    pub initial_std: f64,
-    /// A valley to the nearest known optimum is looked for after so many trials of a climb.
-    pub n_between_tests: u64,
-    /// Optima with this share of the best reward are answers, and worth a look at their neighbours.
-    pub answer_share: f64,
-    /// θ₀ ± this is the box where none is known.
-    pub half_width: f64,
-    pub climb: ClimbConfig,
-}
-
-impl Default for NichingConfig {
-    fn default() -> Self {
-        NichingConfig {
-            n_candidates: 4,
-            relative_std: 0.3,
-            initial_std: 0.1,
-            n_between_tests: 30,
-            answer_share: 0.9,
-            half_width: 3.0,
-            climb: ClimbConfig::default(),
-        }
-    }
-}
-
-impl NichingConfig {
-    /// Settings and their ranges.
-    pub fn ranges(&self) -> Vec<Range> {
-        let own = vec![
-            range("n_candidates", self.n_candidates as f64, 1.0, 1e4),
-            range("relative_std", self.relative_std, 1e-3, 10.0),
-            range("initial_std", self.initial_std, 1e-6, 10.0),
-            range("n_between_tests", self.n_between_tests as f64, 1.0, 1e6),
-            range("answer_share", self.answer_share, 0.0, 1.0),
-            range("half_width", self.half_width, 1e-6, 1e6),
-        ];
-        [own, self.climb.ranges()].concat()
-    }
-}
-
-/// The top of a hill; its θ in fractions of the box.
-struct Optimum {
-    trial: Trial,
-    /// Standard deviation of the climb that found it, at its end.
-    std: DVector<f64>,
-    /// Starts beside it so far.
-    n_looks: u64,
-}
 
 /// What the next trial is for.
 enum Stage {
@@ -108,7 +55,7 @@ pub struct Niching {
     seed: u64,
     bounds: Bounds,
     mean: DVector<f64>,
-    optima: Vec<Optimum>,
+    optima: Optima,
     stage: Stage,
     climb: Option<Climb>,
     n_starts: u64,
@@ -123,7 +70,8 @@ impl Niching {
             max: theta_0.add_scalar(config.half_width),
         });
         let (stage, climb) = (Stage::Even(Vec::new()), None);
-        let (mean, optima) = (bounds.clamp(&theta_0), Vec::new());
+        let optima = Optima { all: Vec::new(), answer_share: config.answer_share };
+        let mean = bounds.clamp(&theta_0);
         Niching { config, seed, bounds, mean, optima, stage, climb, n_starts: 0, n_even: 0 }
     }
 
@@ -142,30 +90,32 @@ impl Niching {
         })
     }
 
-    /// A random direction, and a distance about that of the optimum's nearest neighbour.
+    /// By turns a random direction and a distance about that of the optimum's nearest neighbour,
+    /// and the way from one answer to another (as in differential evolution): what repeats is found.
     fn place_beside(&self, optimum: usize, rollout: u64) -> DVector<f64> {
         let mut rng = stream(self.seed, rollout);
-        let from = &self.optima[optimum].trial.theta;
+        let from = &self.optima.all[optimum].trial.theta;
+        let answers = self.optima.answers();
+        if self.optima.all[optimum].n_looks.is_multiple_of(2) && answers.len() > 2 {
+            let mut any =
+                || &self.optima.all[answers[rng.random_range(0..answers.len())]].trial.theta;
+            let inside = |place: &DVector<f64>| place.iter().all(|x| (0.0..=1.0).contains(x));
+            let place = (0..20).map(|_| from + any() - any()).find(inside);
+            return place.unwrap_or_else(|| from.clone());
+        }
         let direction = from.map(|_| standard_normal(&mut rng)).normalize();
-        let others = self.optima.iter().enumerate().filter(|(i, _)| *i != optimum);
-        let nearest = others.map(|(_, other)| (&other.trial.theta - from).norm());
-        let distance = nearest.fold(1.0, f64::min) * f64::powf(2.0, rng.random_range(-2.0..1.0));
+        let distance = self.optima.spacing(optimum) * f64::powf(2.0, rng.random_range(-2.0..1.0));
         from + direction * distance
-    }
-
-    /// The optimum nearest to a place.
-    fn nearest(&self, theta: &DVector<f64>) -> Option<usize> {
-        let distance = |i: &usize| (&self.optima[*i].trial.theta - theta).norm_squared();
-        (0..self.optima.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)))
     }
 
     /// Looks for a valley between `at` and what is known.
     fn test(&mut self, at: Trial) {
-        match self.nearest(&at.theta) {
+        match self.optima.nearest(&at.theta) {
             None => self.is_new(at),
             Some(optimum) => {
-                let distance = (&self.optima[optimum].trial.theta - &at.theta).norm();
-                if distance <= RESOLUTION * self.config.climb.end_std {
+                if self.optima.all[optimum].distance(&at.theta)
+                    <= RESOLUTION * self.config.climb.end_std
+                {
                     self.is_known(at, optimum);
                 } else {
                     self.stage = Stage::Test { at, optimum, probe: 0 };
@@ -181,13 +131,13 @@ impl Niching {
             return self.go_on(at);
         };
         let way = climb.way();
-        if way > RESOLUTION * self.config.climb.end_std && at.reward >= self.answer_threshold() {
+        if way > RESOLUTION * self.config.climb.end_std && at.reward >= self.optima.threshold() {
             let std = (0.5 * way).min(self.config.initial_std);
             self.climb = Some(Climb::new(self.config.climb, at, std));
             self.stage = Stage::Climb;
         } else {
             let std = climb.gaussian().marginal_std();
-            self.optima.push(Optimum { trial: at, std, n_looks: 0 });
+            self.optima.all.push(Optimum { trial: at, std, n_looks: 0 });
             self.next_start();
         }
     }
@@ -195,7 +145,7 @@ impl Niching {
     /// `at` is on the hill of a known optimum. If it is above that one, the climb that found the
     /// optimum ended below the top, and this one is worth going on.
     fn is_known(&mut self, at: Trial, optimum: usize) {
-        let known = &mut self.optima[optimum].trial;
+        let known = &mut self.optima.all[optimum].trial;
         let above = known.reward < at.reward * (1.0 - ROUNDING);
         let over = self.climb.as_ref().is_some_and(Climb::is_over);
         if above && !over {
@@ -210,8 +160,8 @@ impl Niching {
 
     fn go_on(&mut self, at: Trial) {
         if self.climb.is_none() {
-            let distance = |i: usize| (&self.optima[i].trial.theta - &at.theta).norm();
-            let distance = self.nearest(&at.theta).map_or(f64::INFINITY, distance);
+            let distance = |i: usize| self.optima.all[i].distance(&at.theta);
+            let distance = self.optima.nearest(&at.theta).map_or(f64::INFINITY, distance);
             let std = (self.config.relative_std * distance).min(self.config.initial_std);
             self.climb = Some(Climb::new(self.config.climb, at, std));
         }
@@ -225,18 +175,11 @@ impl Niching {
         if self.n_starts.is_multiple_of(2) {
             return;
         }
-        let threshold = self.answer_threshold();
-        let worth = (0..self.optima.len()).filter(|i| self.optima[*i].trial.reward >= threshold);
-        if let Some(optimum) = worth.min_by_key(|i| self.optima[*i].n_looks) {
-            self.optima[optimum].n_looks += 1;
+        let answers = self.optima.answers();
+        if let Some(optimum) = answers.into_iter().min_by_key(|i| self.optima.all[*i].n_looks) {
+            self.optima.all[optimum].n_looks += 1;
             self.stage = Stage::Beside(optimum);
         }
-    }
-
-    /// The reward from which on an optimum is an answer.
-    fn answer_threshold(&self) -> f64 {
-        let best = self.optima.iter().map(|optimum| optimum.trial.reward).fold(0.0, f64::max);
-        self.config.answer_share * best
     }
 }
 
@@ -246,7 +189,7 @@ impl Search for Niching {
             Stage::Even(_) => self.even_place(),
             Stage::Beside(optimum) => self.place_beside(*optimum, rollout),
             Stage::Test { at, optimum, probe } => {
-                at.theta.lerp(&self.optima[*optimum].trial.theta, PROBES[*probe])
+                at.theta.lerp(&self.optima.all[*optimum].trial.theta, PROBES[*probe])
             }
             Stage::Climb => {
                 let climb = self.climb.as_ref().expect("the stage is Climb only with one");
@@ -273,7 +216,7 @@ impl Search for Niching {
             }
             Stage::Beside(_) => self.test(trial),
             Stage::Test { at, optimum, probe } => {
-                let lower = at.reward.min(self.optima[optimum].trial.reward);
+                let lower = at.reward.min(self.optima.all[optimum].trial.reward);
                 if trial.reward < lower * (1.0 - ROUNDING) {
                     self.is_new(at);
                 } else if probe + 1 < PROBES.len() {
@@ -308,28 +251,16 @@ impl Search for Niching {
         SearchSnapshot { mean: self.mean.clone(), floor: std.min(), std }
     }
 
-    /// The optima within `answer_share` of the best, with priors in proportion to their rewards.
+    /// The optima within `answer_share` of the best.
     fn modes(&self) -> Vec<Mode> {
-        let threshold = self.answer_threshold();
-        let mut best: Vec<&Optimum> =
-            self.optima.iter().filter(|optimum| optimum.trial.reward >= threshold).collect();
-        best.sort_by(|a, b| by_reward(&a.trial, &b.trial));
-        let width = &self.bounds.max - &self.bounds.min;
-        let Some(first) = best.first() else {
-            let SearchSnapshot { mean, std, .. } = self.snapshot(u64::MAX);
-            let covariance = DMatrix::from_diagonal(&std.map(|s| s * s));
-            return vec![Mode { prior: 1.0, mean, covariance }];
-        };
-        // Scaled by the best reward first: sums of rewards need not be finite.
-        let scale = first.trial.reward.max(f64::MIN_POSITIVE);
-        let share = |optimum: &Optimum| (optimum.trial.reward / scale).max(f64::MIN_POSITIVE);
-        let sum: f64 = best.iter().map(|optimum| share(optimum)).sum();
-        let mode = |optimum: &Optimum| {
-            let std = optimum.std.component_mul(&width);
-            let covariance = DMatrix::from_diagonal(&std.map(|s| s * s));
-            let mean = self.bounds.clamp(&self.bounds.at(optimum.trial.theta.as_slice()));
-            Mode { prior: share(optimum) / sum, mean, covariance }
-        };
-        best.into_iter().map(mode).collect()
+        if !self.optima.all.is_empty() {
+            return self.optima.modes(&self.bounds);
+        }
+        let SearchSnapshot { mean, std, .. } = self.snapshot(u64::MAX);
+        let covariance = DMatrix::from_diagonal(&std.map(|s| s * s));
+        vec![Mode { prior: 1.0, mean, covariance }]
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -6,7 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::batch::{BatchConfig, Gaussian, Update};
+use super::batch::{BatchConfig, FactorGaussian, Update};
 use crate::range::{Range, range};
 use crate::trial::Trial;
 
@@ -36,10 +36,10 @@ impl Update for Pi2Config {
         &self.batch
     }
 
-    fn update(&self, gaussian: &Gaussian, trials: &[Trial], floor: f64) -> Gaussian {
+    fn update(&self, gaussian: &FactorGaussian, trials: &[Trial], floor: f64) -> FactorGaussian {
         let (best, worst) = (trials[0].reward, trials[trials.len() - 1].reward);
         let weight = |t: &Trial| (self.greediness * ((t.reward - best) / (best - worst))).exp();
         let weights: Vec<f64> = trials.iter().map(weight).collect();
-        Gaussian::fit(trials, &weights, Some(&gaussian.mean), floor)
+        FactorGaussian::fit(trials, &weights, Some(&gaussian.mean), floor)
     }
 }

@@ -7,7 +7,7 @@
 use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
 
-use super::batch::{BatchConfig, Gaussian, Update};
+use super::batch::{BatchConfig, FactorGaussian, Update};
 use super::gradient::{StepConfig, advantages, white};
 use crate::range::Range;
 use crate::trial::Trial;
@@ -31,7 +31,7 @@ impl Update for ReinforceConfig {
         &self.batch
     }
 
-    fn update(&self, gaussian: &Gaussian, trials: &[Trial], floor: f64) -> Gaussian {
+    fn update(&self, gaussian: &FactorGaussian, trials: &[Trial], floor: f64) -> FactorGaussian {
         let mut mean = DVector::zeros(gaussian.mean.len());
         let mut log_std = mean.clone();
         for (z, advantage) in white(gaussian, trials).iter().zip(advantages(trials)) {

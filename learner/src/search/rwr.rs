@@ -6,7 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::batch::{BatchConfig, Gaussian, Update};
+use super::batch::{BatchConfig, FactorGaussian, Update};
 use crate::range::{Range, range};
 use crate::trial::Trial;
 
@@ -36,10 +36,10 @@ impl Update for RwrConfig {
         &self.batch
     }
 
-    fn update(&self, _gaussian: &Gaussian, trials: &[Trial], floor: f64) -> Gaussian {
+    fn update(&self, _gaussian: &FactorGaussian, trials: &[Trial], floor: f64) -> FactorGaussian {
         // Relative to the best, which is above zero as the rewards differ.
         let weight = |t: &Trial| (t.reward / trials[0].reward).powf(self.tau);
         let weights: Vec<f64> = trials.iter().map(weight).collect();
-        Gaussian::fit(trials, &weights, None, floor)
+        FactorGaussian::fit(trials, &weights, None, floor)
     }
 }

@@ -109,5 +109,5 @@ fn stays_in_its_box() {
     let mut search = Cma::new(CmaConfig { initial_std: 0.3, ..restarts() }, 2, space);
     let told = drive(&mut search, 200, hill);
     assert!(told.iter().all(|trial| bounds.contains(&trial.theta)));
-    assert!(search.modes().iter().all(|mode| mode.mean.min() > 0.4), "the best corner is at 0.5");
+    assert!(search.modes().iter().all(|mode| hill(&mode.mean) > 0.65));
 }

@@ -3,9 +3,9 @@
 use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
 
-use super::batch::Gaussian;
-use super::power::by_reward;
 use crate::range::{Range, range};
+use crate::search::batch::FactorGaussian;
+use crate::search::power::by_reward;
 use crate::trial::Trial;
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -31,7 +31,7 @@ impl Default for ClimbConfig {
             n_elites: 8,
             n_initial: 8,
             floor_variance: 0.2,
-            floor_decay: 0.95,
+            floor_decay: 0.94,
             end_std: 1e-6,
             n_max: 400,
         }
@@ -57,14 +57,14 @@ pub struct Climb {
     config: ClimbConfig,
     start: DVector<f64>,
     std: f64,
-    gaussian: Gaussian,
+    gaussian: FactorGaussian,
     elites: Vec<Trial>,
     n_told: u64,
 }
 
 impl Climb {
     pub fn new(config: ClimbConfig, start: Trial, std: f64) -> Climb {
-        let gaussian = Gaussian::isotropic(start.theta.clone(), std);
+        let gaussian = FactorGaussian::isotropic(start.theta.clone(), std);
         let from = start.theta.clone();
         Climb { config, start: from, std, gaussian, elites: vec![start], n_told: 0 }
     }
@@ -87,10 +87,11 @@ impl Climb {
         let variance =
             self.config.floor_variance * self.config.floor_decay.powf(self.n_told as f64);
         let floor = self.std * variance.sqrt();
-        self.gaussian = Gaussian::fit(&self.elites, &weights, Some(&self.gaussian.mean), floor);
+        self.gaussian =
+            FactorGaussian::fit(&self.elites, &weights, Some(&self.gaussian.mean), floor);
     }
 
-    pub fn gaussian(&self) -> &Gaussian {
+    pub fn gaussian(&self) -> &FactorGaussian {
         &self.gaussian
     }
 

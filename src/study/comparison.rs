@@ -1,0 +1,150 @@
+//! Every method on the worlds of Sec. 4.2, 200 trials each. What tells methods apart is whether they
+//! are told a box: without one the landscape has to be crossed from a corner.
+
+use anyhow::Result;
+use learner::search::{Bounds, Method, Search, SearchConfig, Space, build};
+use learner::trial::Trial;
+use nalgebra::DVector;
+use physics::landscape;
+use physics::skittles::TARGETS;
+
+use super::contender::{self, CONTENDERS};
+use super::landscape::{N_TRIALS, START, point};
+use super::skittles::{self, Regions};
+use super::{Sample, tuned};
+
+/// Methods of ours, with their default settings.
+const OURS: [(&str, Method); 1] = [("algorithm 1", Method::Algorithm1)];
+
+/// Names of the skittles' tasks, in the order of [`TARGETS`].
+const SKITTLES: [&str; 3] = ["skittles A", "skittles B", "skittles C"];
+
+/// A world, and what is known of it beforehand.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Task {
+    /// From the paper's start, without a box.
+    Landscape,
+    LandscapeBox,
+    /// With the skittle at this one of [`TARGETS`], in the box of throws.
+    Skittles(usize),
+}
+
+pub const TASKS: [Task; 5] =
+    [Task::Landscape, Task::LandscapeBox, Task::Skittles(0), Task::Skittles(1), Task::Skittles(2)];
+
+impl Task {
+    pub fn name(self) -> &'static str {
+        match self {
+            Task::Landscape => "landscape",
+            Task::LandscapeBox => "landscape in its box",
+            Task::Skittles(index) => SKITTLES[index],
+        }
+    }
+
+    /// Searches that are told a box begin in its middle.
+    pub fn space(self) -> Space {
+        let bounds = match self {
+            Task::Landscape => return Space::white(DVector::from_column_slice(&START)),
+            Task::LandscapeBox => {
+                Bounds::new(2, &landscape::BOX.0, &landscape::BOX.1).expect("the box is not empty")
+            }
+            Task::Skittles(_) => skittles::bounds(),
+        };
+        Space { bounds: Some(bounds.clone()), ..Space::white(bounds.at(&[0.5, 0.5])) }
+    }
+
+    fn reward(self, theta: &DVector<f64>) -> f64 {
+        match self {
+            Task::Skittles(index) => skittles::reward(TARGETS[index], theta),
+            _ => landscape::height(&point(theta)),
+        }
+    }
+
+    /// The search's trials.
+    pub fn run(self, search: &mut dyn Search) -> Vec<Trial> {
+        let trial = |rollout| {
+            let theta = search.ask(rollout).theta;
+            let trial = Trial { rollout, reward: self.reward(&theta), theta, success: false };
+            search.tell(&trial);
+            trial
+        };
+        (1..=N_TRIALS).map(trial).collect()
+    }
+
+    /// The first answer of a search, with its height.
+    fn answer(self, search: &dyn Search) -> (DVector<f64>, f64) {
+        let theta = search.modes().swap_remove(0).mean;
+        let reward = self.reward(&theta);
+        (theta, reward)
+    }
+
+    /// Share of the true regions in which an answer lies.
+    fn share_of_regions(index: usize, search: &dyn Search) -> f64 {
+        let regions = Regions::of(index);
+        let mut found: Vec<usize> =
+            search.modes().iter().filter_map(|mode| regions.at(&mode.mean)).collect();
+        found.sort_unstable();
+        found.dedup();
+        found.len() as f64 / regions.n as f64
+    }
+
+    /// What settings are tuned by: on the landscape the rates of a best trial and of an answer of
+    /// at least 0.9 of the peak, in halves; on the skittles the share of the regions answered.
+    pub fn score(self, trials: &[Trial], search: &dyn Search) -> f64 {
+        if let Task::Skittles(index) = self {
+            return Task::share_of_regions(index, search);
+        }
+        let best = f64::from(best(trials) >= 0.9 * landscape::PEAK_VALUE);
+        let answer = f64::from(self.answer(search).1 >= 0.9 * landscape::PEAK_VALUE);
+        0.5 * (best + answer)
+    }
+
+    fn samples(self, method: &str, trials: &[Trial], search: &dyn Search) -> Vec<Sample> {
+        let metric = |name: &str| format!("{}: {name}", self.name());
+        let last = &trials[trials.len() - 20..];
+        let last = last.iter().map(|trial| trial.reward).sum::<f64>() / last.len() as f64;
+        let last = Sample::mean(method, &metric("reward of last 20"), last);
+        let n_answers = search.modes().len() as f64;
+        if let Task::Skittles(index) = self {
+            let share = Task::share_of_regions(index, search);
+            return vec![
+                Sample::mean(method, &metric("regions answered"), share),
+                Sample::mean(method, &metric("answers"), n_answers),
+                last,
+            ];
+        }
+        let high = |reward: f64| reward >= 0.9 * landscape::PEAK_VALUE;
+        let (answer, height) = self.answer(search);
+        let near = super::landscape::near(&point(&answer), landscape::PEAK);
+        vec![
+            Sample::rate(method, &metric("best >= 0.9"), high(best(trials))),
+            Sample::rate(method, &metric("answer >= 0.9"), high(height)),
+            Sample::rate(method, &metric("answer near peak"), near),
+            Sample::mean(method, &metric("answers"), n_answers),
+            last,
+        ]
+    }
+}
+
+fn best(trials: &[Trial]) -> f64 {
+    trials.iter().map(|trial| trial.reward).fold(0.0, f64::max)
+}
+
+pub fn run_seed(seed: u64) -> Result<Vec<Sample>> {
+    let mut samples = Vec::new();
+    for task in TASKS {
+        let ours = OURS.map(|(name, method)| {
+            let config = SearchConfig { method, ..SearchConfig::default() };
+            (name, build(&config, seed, task.space()))
+        });
+        let others = CONTENDERS.map(|(name, contender)| {
+            let setting = tuned::setting(name, task);
+            (name, contender::search(contender, setting, seed, task.space()))
+        });
+        for (name, mut search) in ours.into_iter().chain(others) {
+            let trials = task.run(&mut *search);
+            samples.extend(task.samples(name, &trials, &*search));
+        }
+    }
+    Ok(samples)
+}
