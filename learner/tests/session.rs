@@ -5,6 +5,7 @@ use std::path::Path;
 
 use learner::config::LearnerConfig;
 use learner::learner::{CompleteError, LearnerError, MEAN_POLICY_ID, SESSION_FILE};
+use learner::reward::{RewardConfig, RewardKind};
 use learner::search::power::PowerConfig;
 use learner::search::{Method, SearchConfig};
 use learner::store::SessionMeta;
@@ -25,7 +26,8 @@ fn config(seed: u64) -> LearnerConfig {
     // A short initial batch, so that a dozen trials have updated the search.
     let power = PowerConfig { n_initial: 10, ..Default::default() };
     let search = SearchConfig { power, ..Default::default() };
-    LearnerConfig { seed, search, ..Default::default() }
+    let reward = RewardConfig { kind: RewardKind::Paper, ..Default::default() };
+    LearnerConfig { seed, search, reward, ..Default::default() }
 }
 
 fn create(directory: &Path, config: LearnerConfig) -> Learner {
@@ -227,7 +229,7 @@ fn resumes_only_with_its_own_task_configuration_and_history() {
 
     let error = refused("skittles", &config(3)).to_string();
     assert!(error.contains("task `pancake`"), "{error}");
-    let error = refused("pancake", &config(4), &demonstration()).to_string();
+    let error = refused("pancake", &config(4)).to_string();
     assert!(error.contains("learner.seed is 4, but the session was started with 3"), "{error}");
     let error = refused("pancake", &LearnerConfig { kappa_p: -1.0, ..config(3) }).to_string();
     assert!(error.contains("learner.kappa_p is -1"), "{error}");
@@ -244,7 +246,7 @@ fn resumes_only_with_its_own_task_configuration_and_history() {
         ("UPDATE trials SET reward = reward + 1 WHERE rollout = 4", 12),
     ] {
         database.execute_batch(change).unwrap();
-        let error = refused("pancake", &config(3), &demonstration());
+        let error = refused("pancake", &config(3));
         assert!(
             matches!(error, LearnerError::NotReproduced { rollout } if rollout == not_reproduced),
             "{error}"

@@ -52,7 +52,12 @@ const METHODS: &[Method] = &[
     Method { name: "paper", config: paper, ..PLAIN },
     Method { name: "wrong mass", wrong_mass: true, ..PLAIN },
     Method { name: "perturbed", perturbed: true, ..PLAIN },
-    Method { name: "perturbed, memory 20", config: |c| c.search.power.memory = 20, perturbed: true, ..PLAIN },
+    Method {
+        name: "perturbed, memory 20",
+        config: |c| c.search.power.memory = 20,
+        perturbed: true,
+        ..PLAIN
+    },
 ];
 
 /// The default search on all parameters.
@@ -81,7 +86,9 @@ fn paper(config: &mut LearnerConfig) {
 pub fn run_seed(seed: u64) -> Result<Vec<Sample>> {
     let only = std::env::var("SKILLET_METHODS").ok();
     let mut samples = Vec::new();
-    for method in METHODS.iter().filter(|m| only.as_ref().is_none_or(|o| o.split(';').any(|o| o == m.name))) {
+    for method in
+        METHODS.iter().filter(|m| only.as_ref().is_none_or(|o| o.split(';').any(|o| o == m.name)))
+    {
         samples.extend(run_method(method, seed)?);
     }
     Ok(samples)
@@ -128,9 +135,17 @@ fn learn(
     let mut successes = Vec::new();
     for rollout in 1..=config.rollouts {
         let Proposal { theta, .. } = search.ask(rollout);
-        let world = if perturbed { bench.perturbed(config.seed, LEARNING + rollout) } else { bench.world };
+        let world =
+            if perturbed { bench.perturbed(config.seed, LEARNING + rollout) } else { bench.world };
         let outcome = bench.rollout(&problem, &theta, &world)?;
-        if std::env::var("SKILLET_TRACE").is_ok() { eprintln!("{rollout} {} {:.3} {:?}", outcome.has(OUTCOME_SUCCESS), config.reward.reward(&outcome), outcome.fields().map(|f| (f.1*100.0).round()/100.0)); }
+        if std::env::var("SKILLET_TRACE").is_ok() {
+            eprintln!(
+                "{rollout} {} {:.3} {:?}",
+                outcome.has(OUTCOME_SUCCESS),
+                config.reward.reward(&outcome),
+                outcome.fields().map(|f| (f.1 * 100.0).round() / 100.0)
+            );
+        }
         let (reward, success) = (config.reward.reward(&outcome), outcome.has(OUTCOME_SUCCESS));
         search.tell(&Trial { rollout, theta, reward, success });
         successes.push(success);
@@ -168,7 +183,12 @@ impl Bench {
         }
     }
 
-    fn rollout(&self, problem: &Problem, theta: &DVector<f64>, world: &PancakeConfig) -> Result<OutcomeMsg> {
+    fn rollout(
+        &self,
+        problem: &Problem,
+        theta: &DVector<f64>,
+        world: &PancakeConfig,
+    ) -> Result<OutcomeMsg> {
         let policy = problem.map.decode(theta, Default::default());
         let q0 = self.config.plant.start_posture();
         let mut plant = PancakePlant::new(&self.arm, &q0, world);
