@@ -39,7 +39,7 @@ fn thetas_rewards_and_outcomes_are_those_of_a_session() {
     for trial in session {
         let Proposal { rollout, theta } = search.ask(trial.rollout);
         assert_eq!(theta, trial.theta, "rollout {rollout}");
-        let policy = problem.map.decode(&theta, PolicyIds::default());
+        let policy = problem.decode(&theta, PolicyIds::default());
         let simulated = simulate(&mut controlled, &controller, &policy, &mut records).unwrap();
         assert_eq!(simulated.outcome, trial.outcome, "rollout {rollout}");
         assert_eq!(simulated.n_records as u64, trial.n_records);
