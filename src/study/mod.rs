@@ -1,5 +1,6 @@
 //! `skillet study`: many seeds in this process, tables with intervals, the paper's figures.
 
+mod drift;
 mod landscape;
 mod literal;
 mod runner;
@@ -25,12 +26,26 @@ pub struct Study {
 }
 
 /// Every study, in the order of `--help`.
-pub const STUDIES: &[Study] = &[Study {
-    name: "literal",
-    version: 1,
-    about: "Algorithm 1 as printed, on the landscape of Sec. 4.2",
-    run_seed: literal::run_seed,
-}];
+pub const STUDIES: &[Study] = &[
+    Study {
+        name: "literal",
+        version: 1,
+        about: "Algorithm 1 as printed, on the landscape of Sec. 4.2",
+        run_seed: literal::run_seed,
+    },
+    Study {
+        name: "landscape",
+        version: 1,
+        about: "mixture searches on the landscape of Sec. 4.2",
+        run_seed: landscape::run_seed,
+    },
+    Study {
+        name: "drift",
+        version: 1,
+        about: "a landscape that moves halfway: mixture searches with and without a memory",
+        run_seed: drift::run_seed,
+    },
+];
 
 /// The table of a study.
 #[derive(Debug, Serialize)]
