@@ -3,6 +3,7 @@
 mod cmaes;
 mod comparison;
 mod contender;
+mod drift;
 mod figures;
 mod landscape;
 mod literal;
@@ -70,6 +71,8 @@ pub const STUDIES: &[Study] = &[
         1,
         pancake::run_seed,
     ),
+    table_of("landscape", "the mixtures on the landscape, without a box", 1, landscape::run_seed),
+    table_of("drift", "a landscape that changes, with and without forgetting", 1, drift::run_seed),
     table_of("literal", "Algorithm 1 as printed, on the landscape", 1, literal::run_seed),
     table_of(
         "comparison",

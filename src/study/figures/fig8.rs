@@ -23,7 +23,7 @@ pub fn figure(seed: u64) -> Result<Figure> {
     ]) {
         let world = SkittlesConfig { target, ..Default::default() };
         landscapes.push(panel(&world, name, None));
-        let run = skittles_run(Method::Regions, target, seed, TRIALS)?;
+        let run = skittles_run(Method::Niching, target, seed, TRIALS)?;
         results.push(panel(&world, name, Some(&run)));
     }
     Ok(Figure {
