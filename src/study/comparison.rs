@@ -53,7 +53,7 @@ impl Task {
         Space { bounds: Some(bounds.clone()), ..Space::white(bounds.at(&[0.5, 0.5])) }
     }
 
-    fn reward(self, theta: &DVector<f64>) -> f64 {
+    pub fn reward(self, theta: &DVector<f64>) -> f64 {
         match self {
             Task::Skittles(index) => skittles::reward(TARGETS[index], theta),
             _ => landscape::height(&point(theta)),
