@@ -13,7 +13,7 @@ use super::Sample;
 /// Trials of the paper's run.
 pub const N_TRIALS: u64 = 200;
 /// The bottom right corner, where the paper's search begins.
-const START: [f64; 2] = [8.0, 2.0];
+pub const START: [f64; 2] = [8.0, 2.0];
 /// A centre this near to the peak has found it.
 const NEAR: f64 = 1.0;
 /// A reward of this share of the highest is a solution.
