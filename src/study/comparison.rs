@@ -14,7 +14,8 @@ use super::skittles::{self, Regions};
 use super::{Sample, tuned};
 
 /// Methods of ours, with their default settings.
-const OURS: [(&str, Method); 1] = [("algorithm 1", Method::Algorithm1)];
+const OURS: [(&str, Method); 2] =
+    [("algorithm 1", Method::Algorithm1), ("tempered", Method::Tempered)];
 
 /// Names of the skittles' tasks, in the order of [`TARGETS`].
 const SKITTLES: [&str; 3] = ["skittles A", "skittles B", "skittles C"];
