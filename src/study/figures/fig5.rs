@@ -25,7 +25,7 @@ fn reward(theta: &Vector2<f64>) -> f64 {
 pub fn figure(seed: u64) -> Result<Figure> {
     let bounds = learner::search::Bounds::new(2, &[-4.0, -4.0], &[4.0, 4.0])?;
     let space = Space { bounds: Some(bounds), ..Space::white(DVector::from_column_slice(&START)) };
-    let run = Run::new(Method::Niching, seed, space, 150, &|theta| {
+    let run = Run::new(Method::Regions, seed, space, 150, &|theta| {
         reward(&Vector2::new(theta[0], theta[1]))
     })?;
     let ascent = ascent();

@@ -27,7 +27,7 @@ pub fn figure(seed: u64) -> Result<Figure> {
     .enumerate()
     {
         landscapes.push(panel(index, name, None));
-        let run = Run::on(Task::Skittles(index), Method::Niching, seed, TRIALS)?;
+        let run = Run::on(Task::Skittles(index), Method::Regions, seed, TRIALS)?;
         results.push(panel(index, name, Some(&run)));
     }
     Ok(Figure {
