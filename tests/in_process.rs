@@ -12,7 +12,7 @@ use physics::pancake::{PancakeConfig, PancakePlant, WAM7_START_POSTURE};
 use rt_controller::ControllerConfig;
 use rt_controller::run::Controlled;
 use rt_controller::simulate::simulate;
-use shm_types::episode::{MAX_RECORDS, OUTCOME_SUCCESS, TickRecord};
+use shm_types::episode::{FLAG_TORQUE_CLIPPED, MAX_RECORDS, OUTCOME_SUCCESS, TickRecord};
 use util::{Bench, text};
 
 #[test]
@@ -45,7 +45,14 @@ fn thetas_rewards_and_outcomes_are_those_of_a_session() {
         assert_eq!(simulated.n_records as u64, trial.n_records);
         assert_eq!(simulated.fault, trial.fault);
         let last = &records[simulated.n_records - 1];
-        assert!(last.t_s > 1.0 && last.phase == 3, "the last record is one of Settle");
+        let end_s = (simulated.n_records - 1) as f64 * controller.period_s();
+        assert!((last.t_s - end_s).abs() < 1e-9 && last.phase >= 2, "records of Execute on");
+
+        let clipped = records[..simulated.n_records]
+            .iter()
+            .filter(|record| record.flags & FLAG_TORQUE_CLIPPED != 0);
+        let share = clipped.count() as f64 / simulated.n_records as f64;
+        assert_eq!(simulated.outcome.clipped_share, share, "rollout {rollout}");
 
         let reward = config.reward.reward(&simulated.outcome);
         assert_eq!(reward.to_bits(), trial.reward.to_bits());

@@ -10,7 +10,7 @@ use serde::Deserialize;
 const TOLERANCE: f64 = 1e-9;
 /// The reference minimises the distance by its values, which are flat to the last bit within about
 /// √ε of the minimum.
-const CLOSEST_TIME_TOLERANCE: f64 = 5e-8;
+const CLOSEST_TIME_TOLERANCE: f64 = 1e-8;
 
 #[derive(Deserialize)]
 struct Skittles {

@@ -54,7 +54,8 @@ impl Task {
         Space { bounds: Some(bounds.clone()), ..Space::white(bounds.at(&[0.5, 0.5])) }
     }
 
-    fn reward(self, theta: &DVector<f64>) -> f64 {
+    /// What a trial earns.
+    pub fn reward(self, theta: &DVector<f64>) -> f64 {
         match self {
             Task::Skittles(index) => skittles::reward(TARGETS[index], theta),
             _ => landscape::height(&point(theta)),

@@ -9,6 +9,7 @@ use super::niching::NichingConfig;
 use super::pi2::Pi2Config;
 use super::power::PowerConfig;
 use super::random::RandomConfig;
+use super::regions::RegionsConfig;
 use super::reinforce::ReinforceConfig;
 use super::rwr::RwrConfig;
 use super::tempered::TemperedConfig;
@@ -34,6 +35,8 @@ pub enum Method {
     Enac,
     /// All optima of a known box.
     Niching,
+    /// The regions of high reward in a known box, and how many there are.
+    Regions,
     /// Mixture search with split and merge as printed, Algorithm 1.
     Algorithm1,
     /// Mixture search that is importance-corrected, tempered and finds its number of components.
@@ -52,6 +55,7 @@ pub struct SearchConfig {
     pub reinforce: ReinforceConfig,
     pub enac: EnacConfig,
     pub niching: NichingConfig,
+    pub regions: RegionsConfig,
     pub algorithm1: Algorithm1Config,
     pub tempered: TemperedConfig,
 }
@@ -68,6 +72,7 @@ impl Default for SearchConfig {
             reinforce: ReinforceConfig::default(),
             enac: EnacConfig::default(),
             niching: NichingConfig::default(),
+            regions: RegionsConfig::default(),
             algorithm1: Algorithm1Config::default(),
             tempered: TemperedConfig::default(),
         }
@@ -85,6 +90,7 @@ impl SearchConfig {
         check("search.reinforce.", &self.reinforce.ranges())?;
         check("search.enac.", &self.enac.ranges())?;
         check("search.niching.", &self.niching.ranges())?;
+        check("search.regions.", &self.regions.ranges())?;
         check("search.algorithm1.", &self.algorithm1.ranges())?;
         check("search.tempered.", &self.tempered.ranges())?;
         Ok(())

@@ -8,6 +8,7 @@ pub mod cem;
 mod comparators_tests;
 mod config;
 pub mod enac;
+mod filling;
 pub mod gaussian;
 pub mod gradient;
 pub mod mixture;
@@ -16,6 +17,7 @@ pub mod normals;
 pub mod pi2;
 pub mod power;
 pub mod random;
+pub mod regions;
 pub mod reinforce;
 pub mod rwr;
 mod space;
@@ -93,6 +95,7 @@ pub fn build(config: &SearchConfig, seed: u64, space: Space) -> Box<dyn Search> 
         Method::Pi2 => Box::new(BatchSearch::new(config.pi2, seed, space)),
         Method::Rwr => Box::new(BatchSearch::new(config.rwr, seed, space)),
         Method::Reinforce => Box::new(BatchSearch::new(config.reinforce, seed, space)),
+        Method::Regions => Box::new(regions::Regions::new(config.regions, seed, space)),
         Method::Niching => Box::new(niching::Niching::new(config.niching, seed, space)),
         Method::Enac => Box::new(BatchSearch::new(config.enac, seed, space)),
     }

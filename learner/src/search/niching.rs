@@ -21,6 +21,7 @@ use nalgebra::{DMatrix, DVector};
 use optima::{Optima, Optimum};
 use rand::RngExt;
 
+use super::filling::Filling;
 use super::normals::{standard_normal, stream};
 use super::power::by_reward;
 use super::{Bounds, Mode, Search, SearchSnapshot, Space};
@@ -32,8 +33,6 @@ const PROBES: [f64; 3] = [0.5, 0.25, 0.75];
 const ROUNDING: f64 = 1e-12;
 /// Places nearer to each other than this many standard deviations a climb ends with are the same.
 const RESOLUTION: f64 = 10.0;
-/// The stream that shifts the even places; no rollout has this number.
-const SHIFT_STREAM: u64 = 0;
 
 /// What the next trial is for.
 enum Stage {
@@ -54,6 +53,7 @@ pub struct Niching {
     config: NichingConfig,
     seed: u64,
     bounds: Bounds,
+    filling: Filling,
     mean: DVector<f64>,
     optima: Optima,
     stage: Stage,
@@ -65,29 +65,13 @@ pub struct Niching {
 impl Niching {
     pub fn new(config: NichingConfig, seed: u64, space: Space) -> Self {
         let Space { theta_0, bounds, .. } = space;
-        let bounds = bounds.unwrap_or_else(|| Bounds {
-            min: theta_0.add_scalar(-config.half_width),
-            max: theta_0.add_scalar(config.half_width),
-        });
+        let bounds = bounds.unwrap_or_else(|| Bounds::around(&theta_0, config.half_width));
+        let filling = Filling::new(bounds.dim(), seed);
         let (stage, climb) = (Stage::Even(Vec::new()), None);
         let optima = Optima { all: Vec::new(), answer_share: config.answer_share };
         let mean = bounds.clamp(&theta_0);
-        Niching { config, seed, bounds, mean, optima, stage, climb, n_starts: 0, n_even: 0 }
-    }
-
-    /// Place number `n_even` of the additive recurrence with the powers of the generalised golden
-    /// ratio φ^(D+1) = φ + 1, shifted by the seed: it fills the box evenly, however many there are.
-    fn even_place(&self) -> DVector<f64> {
-        let dim = self.bounds.dim();
-        let mut phi: f64 = 2.0;
-        for _ in 0..30 {
-            phi = (1.0 + phi).powf(1.0 / (dim as f64 + 1.0));
-        }
-        let mut rng = stream(self.seed, SHIFT_STREAM);
-        DVector::from_fn(dim, |i, _| {
-            let shift: f64 = rng.random();
-            (shift + self.n_even as f64 * phi.powi(-(i as i32 + 1))).fract()
-        })
+        let (n_starts, n_even) = (0, 0);
+        Niching { config, seed, bounds, filling, mean, optima, stage, climb, n_starts, n_even }
     }
 
     /// By turns a random direction and a distance about that of the optimum's nearest neighbour,
@@ -187,7 +171,7 @@ impl Niching {
 impl Search for Niching {
     fn ask(&self, rollout: u64) -> Proposal {
         let place = match &self.stage {
-            Stage::Even(_) => self.even_place(),
+            Stage::Even(_) => self.filling.place(self.n_even),
             Stage::Beside(optimum) => self.place_beside(*optimum, rollout),
             Stage::Test { at, optimum, probe } => {
                 at.theta.lerp(&self.optima.all[*optimum].trial.theta, PROBES[*probe])

@@ -37,6 +37,11 @@ impl Bounds {
         Ok(Bounds { min: DVector::from_column_slice(min), max: DVector::from_column_slice(max) })
     }
 
+    /// `centre` ± `half_width` in every parameter.
+    pub fn around(centre: &DVector<f64>, half_width: f64) -> Bounds {
+        Bounds { min: centre.add_scalar(-half_width), max: centre.add_scalar(half_width) }
+    }
+
     pub fn dim(&self) -> usize {
         self.min.len()
     }

@@ -1,7 +1,7 @@
 //! Fig. 5: several optima, of which a gradient finds one; a mixture finds both and their spread.
 
 use anyhow::Result;
-use learner::search::{Method, SearchConfig, Space};
+use learner::search::{Method, Space};
 use nalgebra::{DVector, Vector2};
 
 use crate::report::figure::{Figure, Row, THIRD};
@@ -25,9 +25,9 @@ fn reward(theta: &Vector2<f64>) -> f64 {
 pub fn figure(seed: u64) -> Result<Figure> {
     let bounds = learner::search::Bounds::new(2, &[-4.0, -4.0], &[4.0, 4.0])?;
     let space = Space { bounds: Some(bounds), ..Space::white(DVector::from_column_slice(&START)) };
-    let config = SearchConfig { method: Method::Niching, ..Default::default() };
-    let run =
-        Run::new(&config, seed, space, 150, &|theta, _| reward(&Vector2::new(theta[0], theta[1])))?;
+    let run = Run::new(Method::Regions, seed, space, 150, &|theta| {
+        reward(&Vector2::new(theta[0], theta[1]))
+    })?;
     let ascent = ascent();
     let end = *ascent.last().expect("it has a start");
 

@@ -234,7 +234,7 @@ fn successes_take_over_from_better_rewarded_failures() {
 
     tell(&mut search, 5, -3.0, 0.4, true);
     tell(&mut search, 6, -9.0, 0.3, true);
-    let mean = w * -1.0 + (1.0 - w) * -3.0;
+    let mean = -w - 3.0 * (1.0 - w);
     assert!((search.mean()[0] - mean).abs() < 1e-12, "the best two successes");
     let spread = 2.0 * (w * (-1.0 - mean).powi(2) + (1.0 - w) * (-3.0 - mean).powi(2));
     let floor = search.floor(7);

@@ -1,0 +1,290 @@
+//! The regions of high reward in a known box, and how many there are: fill, count, climb, bridge.
+//!
+//! The first trials fill the box evenly, and an estimator counts peaks among them: rather too many
+//! than too few. Each peak then is a region, which climbs from its best trial; regions that stay low
+//! are given up. Where two regions may be one, trials are spent between them: a surrogate of log r
+//! shows the way on which the reward may stay highest, and the most doubtful place on it is tried.
+//! Regions are one when a way is known on which the reward does not fall below a share of the best,
+//! however curved: an optimum may be a ridge, which no Gaussian describes.
+//!
+//! All of this happens in fractions of the box. The work of a trial is O(n²) plus O(n) for each
+//! place of the map. Sec. 4.2 counts by split and merge of a mixture instead ([`super::algorithm1`]).
+
+mod bridge;
+mod clusters;
+mod config;
+mod dirichlet;
+mod map;
+mod persistence;
+mod spectral;
+mod surrogate;
+
+use bridge::Look;
+use clusters::of_good_trials;
+pub use config::{Estimator, RegionsConfig};
+use map::Map;
+use nalgebra::{DMatrix, DVector};
+use persistence::peaks;
+
+use super::filling::Filling;
+use super::normals::{standard_normal, stream};
+use super::{Bounds, Mode, Search, SearchSnapshot, Space};
+use crate::trial::{Proposal, Trial};
+
+/// Rewards below this share of the best are all the same to the surrogate.
+const LEAST_SHARE: f64 = 0.02;
+/// A step of a climb is the most promising of so many, drawn with these shares of `climb_std`.
+const N_DRAWS: usize = 40;
+const CLIMB_SHARES: [f64; 5] = [1.0, 0.5, 0.25, 0.12, 0.06];
+/// Standard deviations added to the expected reward of a step.
+const CLIMB_OPTIMISM: f64 = 0.5;
+
+/// A connected set of good trials.
+#[derive(Clone, Debug)]
+struct Region {
+    /// The trials.
+    members: Vec<usize>,
+    /// The one with the highest reward.
+    best: usize,
+    n_climbs: u32,
+}
+
+/// What the next trial is for.
+#[derive(Clone, Debug)]
+enum Step {
+    Fill,
+    /// A better trial of this region.
+    Climb(usize),
+    /// A point between two regions.
+    Bridge {
+        regions: [usize; 2],
+        point: DVector<f64>,
+    },
+}
+
+pub struct Regions {
+    config: RegionsConfig,
+    seed: u64,
+    bounds: Bounds,
+    filling: Filling,
+    /// In fractions of the box.
+    points: Vec<DVector<f64>>,
+    rewards: Vec<f64>,
+    /// `None` until the box is filled.
+    map: Option<Map>,
+    regions: Vec<Region>,
+    n_bridges: usize,
+    step: Step,
+    mean: DVector<f64>,
+}
+
+impl Regions {
+    pub fn new(config: RegionsConfig, seed: u64, space: Space) -> Self {
+        let Space { theta_0, bounds, .. } = space;
+        let bounds = bounds.unwrap_or_else(|| Bounds::around(&theta_0, config.half_width));
+        Regions {
+            config,
+            seed,
+            filling: Filling::new(bounds.dim(), seed),
+            points: Vec::new(),
+            rewards: Vec::new(),
+            map: None,
+            regions: Vec::new(),
+            n_bridges: 0,
+            step: Step::Fill,
+            mean: bounds.clamp(&theta_0),
+            bounds,
+        }
+    }
+
+    fn best_reward(&self) -> f64 {
+        self.rewards.iter().copied().fold(0.0, f64::max)
+    }
+
+    /// Whether the best of `region` has this share of the best reward.
+    fn reaches(&self, region: &Region, share: f64) -> bool {
+        self.rewards[region.best] >= share * self.best_reward()
+    }
+
+    /// log(r / best): what the surrogate is about.
+    fn values(&self) -> Vec<f64> {
+        let best = self.best_reward().max(f64::MIN_POSITIVE);
+        self.rewards.iter().map(|reward| (reward / best).max(LEAST_SHARE).ln()).collect()
+    }
+
+    /// The box is filled: the first regions.
+    fn count(&mut self) {
+        let (points, rewards) = (&self.points, &self.rewards);
+        let labels = match self.config.estimator {
+            Estimator::Persistence => peaks(points, rewards, self.config.persistence),
+            Estimator::Dirichlet => of_good_trials(points, rewards, dirichlet::groups),
+            Estimator::Spectral => {
+                of_good_trials(points, rewards, |good, _| spectral::groups(good))
+            }
+        };
+        let mut names = labels.clone();
+        names.sort_unstable();
+        names.dedup();
+        for name in names {
+            let members = (0..labels.len()).filter(|&trial| labels[trial] == name).collect();
+            self.regions.push(self.region(members, 0));
+        }
+        self.map = Some(Map::new(&self.points, &self.values()));
+    }
+
+    fn region(&self, members: Vec<usize>, n_climbs: u32) -> Region {
+        let highest = |a: &usize, b: &usize| self.rewards[*a].total_cmp(&self.rewards[*b]);
+        let best = members.iter().copied().rev().max_by(highest).expect("regions have members");
+        Region { members, best, n_climbs }
+    }
+
+    /// What was just told belongs to `region`.
+    fn join(&mut self, region: usize, n_climbs: u32) {
+        let Region { mut members, n_climbs: before, .. } = self.regions[region].clone();
+        members.push(self.rewards.len() - 1);
+        self.regions[region] = self.region(members, before + n_climbs);
+    }
+
+    fn merge(&mut self, a: usize, b: usize) {
+        let other = self.regions.remove(b);
+        let members = [self.regions[a].members.as_slice(), &other.members].concat();
+        self.regions[a] = self.region(members, self.regions[a].n_climbs.max(other.n_climbs));
+    }
+
+    /// The nearer of two regions to the trial just told.
+    fn nearer(&self, regions: [usize; 2]) -> usize {
+        let point = self.points.last().expect("a trial was told");
+        let distance = |region: usize| {
+            let members = self.regions[region].members.iter();
+            members.map(|&t| (&self.points[t] - point).norm()).fold(f64::INFINITY, f64::min)
+        };
+        let [a, b] = regions;
+        if distance(a) <= distance(b) { a } else { b }
+    }
+
+    /// Merges what is known to be connected, and decides what the next trial is for.
+    fn plan(&mut self) -> Step {
+        loop {
+            let connected =
+                |region: &usize| self.reaches(&self.regions[*region], self.config.connected);
+            let high: Vec<usize> = (0..self.regions.len()).filter(connected).collect();
+            match self.look_between(&high) {
+                Look::Connected([a, b]) => self.merge(a, b),
+                Look::Doubtful(step) => {
+                    self.n_bridges += 1;
+                    return step;
+                }
+                Look::Apart => break,
+            }
+        }
+        // The longer a region has climbed, the higher it must be.
+        let promising = |region: &&usize| {
+            let region = &self.regions[**region];
+            let patience = f64::from(region.n_climbs) / f64::from(self.config.patience);
+            self.reaches(region, self.config.answer_share * patience.min(1.0))
+        };
+        let all: Vec<usize> = (0..self.regions.len()).collect();
+        let next = all.iter().filter(promising).min_by_key(|&&r| self.regions[r].n_climbs);
+        Step::Climb(*next.expect("the region of the best trial is promising"))
+    }
+
+    /// The most promising of some random steps from the best trial of `region`.
+    fn climb(&self, region: usize, rollout: u64) -> DVector<f64> {
+        let map = self.map.as_ref().expect("climbs begin when the box is filled");
+        let conditioned = map.condition(&self.values());
+        let best = &self.points[self.regions[region].best];
+        let mut rng = stream(self.seed, rollout);
+        let draws = (0..N_DRAWS).map(|draw| {
+            let std = self.config.climb_std * CLIMB_SHARES[draw % CLIMB_SHARES.len()];
+            let point = best.map(|x| (x + std * standard_normal(&mut rng)).clamp(0.0, 1.0));
+            let belief = map.belief(&conditioned, &point);
+            (belief.mean + CLIMB_OPTIMISM * belief.std, point)
+        });
+        draws.max_by(|a, b| a.0.total_cmp(&b.0)).expect("there are draws").1
+    }
+
+    /// Mean: the best trial. Covariance: of the good trials about it, weighted by reward. Prior: in
+    /// proportion to how many good trials there are.
+    fn mode(&self, region: &Region) -> Mode {
+        let width = &self.bounds.max - &self.bounds.min;
+        let least = self.config.connected * self.best_reward();
+        let good = region.members.iter().filter(|&&t| self.rewards[t] >= least);
+        let resolution = self.config.climb_std * CLIMB_SHARES[CLIMB_SHARES.len() - 1];
+        let mut covariance = DMatrix::from_diagonal(&width.map(|w| (resolution * w).powi(2)));
+        let sum: f64 = good.clone().map(|&t| self.rewards[t] / self.rewards[region.best]).sum();
+        for &trial in good.clone() {
+            let step = (&self.points[trial] - &self.points[region.best]).component_mul(&width);
+            let weight = self.rewards[trial] / self.rewards[region.best] / sum;
+            covariance += &step * step.transpose() * weight;
+        }
+        let mean = self.theta(&self.points[region.best]);
+        Mode { prior: good.count() as f64, mean, covariance }
+    }
+
+    fn theta(&self, point: &DVector<f64>) -> DVector<f64> {
+        self.bounds.clamp(&self.bounds.at(point.as_slice()))
+    }
+}
+
+impl Search for Regions {
+    fn ask(&self, rollout: u64) -> Proposal {
+        let point = match &self.step {
+            Step::Fill => self.filling.place(rollout),
+            Step::Climb(region) => self.climb(*region, rollout),
+            Step::Bridge { point, .. } => point.clone(),
+        };
+        Proposal { rollout, theta: self.theta(&point) }
+    }
+
+    /// The box goes on being filled as long as nothing is rewarded.
+    fn tell(&mut self, trial: &Trial) {
+        let point = self.bounds.fractions(&trial.theta);
+        self.points.push(point.clone());
+        self.rewards.push(trial.reward);
+        if let Some(map) = &mut self.map {
+            map.push(point);
+        }
+        match self.step {
+            Step::Fill if self.points.len() < self.config.n_fill || self.best_reward() <= 0.0 => {
+                return;
+            }
+            Step::Fill => self.count(),
+            Step::Climb(region) => self.join(region, 1),
+            Step::Bridge { regions, .. } => self.join(self.nearer(regions), 0),
+        }
+        self.step = self.plan();
+        self.mean = self.modes()[0].mean.clone();
+    }
+
+    fn mean(&self) -> &DVector<f64> {
+        &self.mean
+    }
+
+    fn snapshot(&self, _rollout: u64) -> SearchSnapshot {
+        let width = &self.bounds.max - &self.bounds.min;
+        let std = match self.step {
+            // Of the uniform distribution.
+            Step::Fill => width / 12_f64.sqrt(),
+            _ => width * self.config.climb_std,
+        };
+        SearchSnapshot { mean: self.mean.clone(), std, floor: 0.0 }
+    }
+
+    /// The regions that have `answer_share` of the best reward.
+    fn modes(&self) -> Vec<Mode> {
+        let answers = self.regions.iter().filter(|r| self.reaches(r, self.config.answer_share));
+        let mut modes: Vec<Mode> = answers.map(|region| self.mode(region)).collect();
+        if modes.is_empty() {
+            let SearchSnapshot { mean, std, .. } = self.snapshot(0);
+            let covariance = DMatrix::from_diagonal(&std.component_mul(&std));
+            return vec![Mode { prior: 1.0, mean, covariance }];
+        }
+        let sum: f64 = modes.iter().map(|mode| mode.prior).sum();
+        modes.iter_mut().for_each(|mode| mode.prior /= sum);
+        modes.sort_by(|a, b| b.prior.total_cmp(&a.prior));
+        modes
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,73 @@
+//! What counts the peaks: each estimator of the regions search, with and without trials between the
+//! regions, on the worlds of Sec. 4.2 in their boxes.
+
+use anyhow::Result;
+use learner::search::regions::{Estimator, RegionsConfig};
+use learner::search::{Method, Mode, SearchConfig, build};
+use physics::landscape::PEAK_VALUE;
+
+use super::Sample;
+use super::comparison::Task;
+use super::skittles::Regions;
+
+const ESTIMATORS: [(&str, Estimator); 3] = [
+    ("persistence", Estimator::Persistence),
+    ("Dirichlet process", Estimator::Dirichlet),
+    ("spectral", Estimator::Spectral),
+];
+const TASKS: [Task; 4] =
+    [Task::LandscapeBox, Task::Skittles(0), Task::Skittles(1), Task::Skittles(2)];
+/// A reward of this share of the highest is a solution.
+const GOOD: f64 = 0.9;
+
+pub fn run_seed(seed: u64) -> Result<Vec<Sample>> {
+    let mut samples = Vec::new();
+    for task in TASKS {
+        for (name, estimator) in ESTIMATORS {
+            for (between, n_bridges) in [("", RegionsConfig::default().n_bridges), (" alone", 0)] {
+                let regions = RegionsConfig { estimator, n_bridges, ..RegionsConfig::default() };
+                let method = format!("{}, {name}{between}", task.name());
+                samples.extend(run(task, &method, regions, seed));
+            }
+        }
+    }
+    Ok(samples)
+}
+
+fn run(task: Task, method: &str, regions: RegionsConfig, seed: u64) -> Vec<Sample> {
+    let config = SearchConfig { method: Method::Regions, regions, ..SearchConfig::default() };
+    let mut search = build(&config, seed, task.space());
+    let trials = task.run(search.as_mut());
+    let (modes, highest) = (search.modes(), highest(task));
+    let best = trials.iter().map(|trial| trial.reward).fold(0.0, f64::max);
+    let last = &trials[trials.len() - 20..];
+    let mean = last.iter().map(|trial| trial.reward).sum::<f64>() / last.len() as f64;
+    let (n_regions, covered) = covered(task, &modes);
+    vec![
+        Sample::rate(method, "right K", modes.len() == n_regions),
+        Sample::rate(method, "right K, all covered", modes.len() == n_regions && covered),
+        Sample::rate(method, "best >= 0.9", best >= GOOD * highest),
+        Sample::mean(method, "reward of last 20", mean),
+    ]
+}
+
+/// The highest reward there is.
+fn highest(task: Task) -> f64 {
+    if task == Task::LandscapeBox { PEAK_VALUE } else { 1.0 }
+}
+
+/// How many regions of solutions there are, and whether a centre that is a solution lies in each.
+fn covered(task: Task, modes: &[Mode]) -> (usize, bool) {
+    let solutions = modes.iter().filter(|mode| task.reward(&mode.mean) >= GOOD * highest(task));
+    match task {
+        Task::Skittles(index) => {
+            let regions = Regions::of(index);
+            let mut found: Vec<usize> = solutions.filter_map(|m| regions.at(&m.mean)).collect();
+            found.sort_unstable();
+            found.dedup();
+            (regions.n, found.len() == regions.n)
+        }
+        // Only the peak is that high.
+        _ => (1, solutions.count() > 0),
+    }
+}
