@@ -78,7 +78,7 @@ pub const STUDIES: &[Study] = &[
     table_of(
         "comparison",
         "every method with tuned settings, on landscape and skittles",
-        1,
+        2,
         comparison::run_seed,
     ),
     table_of("tune", "the settings drawn for each method of the comparison", 1, tune::run_seed),
