@@ -82,7 +82,7 @@ pub const STUDIES: &[Study] = &[
         comparison::run_seed,
     ),
     table_of("tune", "the settings drawn for each method of the comparison", 1, tune::run_seed),
-    table_of("niching", "all optima of the CEC 2013 functions F1 to F10", 1, niching::run_seed),
+    table_of("niching", "all optima of the CEC 2013 functions F1 to F10", 2, niching::run_seed),
     table_of("peaks", "what counts the peaks of a known box best", 1, peaks::run_seed),
     figure_of("fig5", "several optima and what a gradient finds", fig5::figure),
     figure_of("fig6", "splitting a Gaussian, Eq. (9)", |_| fig6::figure()),
