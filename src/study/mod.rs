@@ -78,11 +78,11 @@ pub const STUDIES: &[Study] = &[
     table_of(
         "comparison",
         "every method with tuned settings, on landscape and skittles",
-        1,
+        2,
         comparison::run_seed,
     ),
     table_of("tune", "the settings drawn for each method of the comparison", 1, tune::run_seed),
-    table_of("niching", "all optima of the CEC 2013 functions F1 to F10", 1, niching::run_seed),
+    table_of("niching", "all optima of the CEC 2013 functions F1 to F10", 2, niching::run_seed),
     table_of(
         "regions",
         "solution regions of landscape and skittles, in their boxes",
