@@ -94,6 +94,7 @@ impl Draw {
                 let floor_std = self.log(0.05, 3.0);
                 config.power = PowerConfig {
                     elites: Elites::All,
+                    min_successes: 1,
                     weights: Weights::Reward,
                     scatter: Scatter::Old,
                     memory: 0,

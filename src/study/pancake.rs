@@ -72,6 +72,7 @@ fn paper(config: &mut LearnerConfig) {
     config.search.power = PowerConfig {
         n_elites: 5,
         elites: Elites::All,
+        min_successes: 1,
         weights: Weights::Reward,
         scatter: Scatter::Old,
         memory: 0,
