@@ -8,7 +8,7 @@ use super::plot::{Axis, Entry, Plot};
 /// Shades between no reward and the highest; classes h1 to h8.
 const LEVELS: usize = 8;
 /// Cells of the shading in each direction.
-const CELLS: usize = 64;
+const CELLS: usize = 48;
 /// Points of an ellipse.
 const POINTS: usize = 60;
 

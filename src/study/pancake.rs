@@ -117,12 +117,15 @@ fn run_method(method: &Method, seed: u64) -> Result<Vec<Sample>> {
     ])
 }
 
+/// A problem and the θ a search came to.
+type Answer = (Problem, DVector<f64>);
+
 /// Success of each rollout, and the search's answer.
 fn learn(
     bench: &Bench,
     demonstration: &Demonstration,
     perturbed: bool,
-) -> Result<(Vec<bool>, (Problem, DVector<f64>))> {
+) -> Result<(Vec<bool>, Answer)> {
     let config = &bench.config.learner;
     let problem = Problem::new(config, demonstration)?;
     let mut search: Box<dyn Search> = problem.search(config);
