@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use learner::LearnerConfig;
 use learner::reward::RewardKind;
+use learner::search::Method;
 use physics::arm::JointVector;
 use physics::pancake::{PancakeConfig, WAM7_START_POSTURE};
 use physics::skittles::{self, SkittlesConfig};
@@ -179,11 +180,13 @@ impl Config {
             "landscape" => {
                 learner.rollouts = 200;
                 learner.action.start = vec![8.0, 2.0];
+                learner.search.method = Method::Tempered;
                 learner.reward.kind = RewardKind::Value;
             }
             "skittles" => {
                 learner.rollouts = 200;
                 learner.action.start = vec![0.0, 7.5];
+                learner.search.method = Method::Regions;
                 learner.action.min = skittles::BOX.0.to_vec();
                 learner.action.max = skittles::BOX.1.to_vec();
                 learner.reward.kind = RewardKind::Distance;

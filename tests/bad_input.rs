@@ -120,9 +120,11 @@ fn a_session_is_not_continued_as_something_else() {
     let text = util::text(&config);
     let resume = ["learn", "pancake", "--rollouts", "4", "--out", "s"];
 
-    fs::write(&config, text.replace("name = \"pancake\"", "name = \"skittles\"")).unwrap();
-    bench.refused(&resume, &["session.toml", "task.name is 'skittles'"]);
+    fs::write(&config, text.replace("name = \"pancake\"", "name = \"tennis\"")).unwrap();
+    bench.refused(&resume, &["session.toml", "task.name is 'tennis'"]);
     fs::write(&config, &text).unwrap();
+
+    bench.refused(&["learn", "skittles", "--out", "s"], &["belongs to the task 'pancake'"]);
 
     let database = bench.path("s/session.db");
     let sound = fs::read(&database).unwrap();

@@ -61,7 +61,7 @@ impl Default for ExplorationConfig {
     fn default() -> Self {
         ExplorationConfig {
             kind: ExplorationKind::Demonstration,
-            position_amplitude: 0.5,
+            position_amplitude: 0.8,
             rotation_amplitude: 0.5,
             peak_offset_m: [0.05, 0.0, 0.0],
             tempo_s: 0.1,

@@ -82,7 +82,7 @@ fn theta_bits(learner: &Learner) -> Vec<Vec<u64>> {
 
 #[test]
 fn same_seed_same_bits() {
-    for method in [Method::Power, Method::Random] {
+    for method in [Method::Power, Method::Random, Method::Algorithm1, Method::Tempered] {
         let run_once = |seed| {
             let directory = TempDir::new().unwrap();
             let mut config = config(seed);

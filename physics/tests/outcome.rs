@@ -95,6 +95,8 @@ fn measures_a_half_flip() {
     // Gravity slows the pancake during the first ticks.
     assert_near(outcome.release_speed, toss.vz.hypot(toss.vx), 2.0 * G * DT_S);
     assert_near(outcome.release_spin, toss.spin, 1e-6);
+    assert_near(outcome.release_pitch_rate, toss.spin, 1e-6);
+    assert_eq!(outcome.bounce_s, 0.0);
     assert_near(outcome.apex_m, toss.vz * toss.vz / (2.0 * G), 1e-5);
     assert_near(outcome.crossing_time_s, toss.release_s + air_time, DT_S);
     assert_near(outcome.flip_angle_rad, toss.spin * air_time, toss.spin * DT_S);
@@ -110,6 +112,26 @@ fn finishes_half_a_second_after_the_crossing() {
     let end_s = toss.release_s + toss.fall_time(0.1 - RESTING_HEIGHT) + 0.5;
     assert!(!track(end_s - 2.0 * DT_S, |t_s| toss.object(t_s)).is_finished());
     assert!(track(end_s + 2.0 * DT_S, |t_s| toss.object(t_s)).is_finished());
+}
+
+#[test]
+fn bouncing_is_the_time_off_the_pan_after_the_first_touch() {
+    let toss = Toss::half_flip();
+    let landing_s = track(3.0, |t_s| toss.object(t_s)).outcome().release_time_s + 2.0 * toss.vz / G;
+    // Off the pan for 40 ms, 100 ms after it landed, and for 20 ms after another 100 ms.
+    let bounces = |t_s: f64| {
+        let t_s = t_s - landing_s;
+        (0.1..0.14).contains(&t_s) || (0.24..0.26).contains(&t_s)
+    };
+    let object = |t_s: f64| {
+        let object = toss.object(t_s);
+        ObjectState { in_contact: object.in_contact && !bounces(t_s), ..object }
+    };
+    let outcome = track(3.0, object).outcome();
+    assert!(outcome.flipped_and_caught);
+    assert_near(outcome.bounce_s, 0.06, 2.5 * DT_S);
+    let backwards = track(3.0, |t_s| Toss { spin: -toss.spin, ..toss }.object(t_s)).outcome();
+    assert_near(backwards.release_pitch_rate, -toss.spin, 1e-6);
 }
 
 #[test]

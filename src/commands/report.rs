@@ -18,7 +18,7 @@ use crate::cli::ReportArgs;
 use crate::config::Config;
 use crate::output::{print, print_json};
 use crate::report::plot::Axis;
-use crate::report::{self, Plane, ReportData, TrialRow};
+use crate::report::{self, Plane, ReportData, Reward, TrialRow};
 use crate::session_folder::SessionFolder;
 
 pub fn run(args: &ReportArgs) -> Result<Verdict> {
@@ -92,25 +92,24 @@ fn gather(folder: &SessionFolder, notes: &[(String, String)]) -> Result<ReportDa
 fn plane(folder: &SessionFolder) -> Result<Option<Plane>> {
     let config = Config::load(Some(&folder.config_path()))?;
     let axis = |label, min, max| Axis { label, min, max };
-    let (x, y, reward, max): (_, _, Box<dyn Fn(&Vector2<f64>) -> f64>, _) =
-        match config.task.name.as_str() {
-            "landscape" => {
-                let (x, y) = (axis("Θ₁", -1.0, 11.0), axis("Θ₂", -1.0, 11.0));
-                (x, y, Box::new(landscape::height), landscape::PEAK_VALUE)
-            }
-            "skittles" => {
-                let world = config.task.skittles();
-                let reward = config.learner.reward;
-                let of = move |theta: &Vector2<f64>| {
-                    let value = world.measure(theta.as_slice());
-                    reward.reward(&OutcomeMsg { value, ..OutcomeMsg::ZERO })
-                };
-                let (min, max) = skittles::BOX;
-                let (x, y) = (axis("α rad", min[0], max[0]), axis("α̇ rad/s", min[1], max[1]));
-                (x, y, Box::new(of), 1.0)
-            }
-            _ => return Ok(None),
-        };
+    let (x, y, reward, max): (_, _, Reward, _) = match config.task.name.as_str() {
+        "landscape" => {
+            let (x, y) = (axis("Θ₁", -1.0, 11.0), axis("Θ₂", -1.0, 11.0));
+            (x, y, Box::new(landscape::height), landscape::PEAK_VALUE)
+        }
+        "skittles" => {
+            let world = config.task.skittles();
+            let reward = config.learner.reward;
+            let of = move |theta: &Vector2<f64>| {
+                let value = world.measure(theta.as_slice());
+                reward.reward(&OutcomeMsg { value, ..OutcomeMsg::ZERO })
+            };
+            let (min, max) = skittles::BOX;
+            let (x, y) = (axis("α rad", min[0], max[0]), axis("α̇ rad/s", min[1], max[1]));
+            (x, y, Box::new(of), 1.0)
+        }
+        _ => return Ok(None),
+    };
     let store = open(folder.dir(), &folder.database())?;
     let trials = store.trials()?.iter().map(|trial| [trial.theta[0], trial.theta[1]]).collect();
     Ok(Some(Plane { x, y, reward, max, trials, modes: modes::rows(folder.dir())? }))

@@ -32,7 +32,7 @@ use shm_types::episode::OutcomeMsg;
 use shm_types::policy::PolicyMsg;
 
 use figure::Figure;
-pub use plane::{ModeRow, Plane};
+pub use plane::{ModeRow, Plane, Reward};
 
 /// What a report shows.
 pub struct ReportData {

@@ -8,12 +8,15 @@ use super::map::{Map, draw_mode};
 use super::plot::{Axis, Key};
 use super::svg::Panel;
 
+/// The reward of every policy of a plane.
+pub type Reward = Box<dyn Fn(&Vector2<f64>) -> f64>;
+
 /// A session of a task with two policy parameters and no arm.
 pub struct Plane {
     pub x: Axis,
     pub y: Axis,
     /// What the world gives for each policy: for the reader, the search never sees it.
-    pub reward: Box<dyn Fn(&Vector2<f64>) -> f64>,
+    pub reward: Reward,
     pub max: f64,
     pub trials: Vec<[f64; 2]>,
     pub modes: Vec<ModeRow>,

@@ -14,7 +14,11 @@ use super::skittles::{self, Regions};
 use super::{Sample, tuned};
 
 /// Methods of ours, with their default settings.
-const OURS: [(&str, Method); 1] = [("algorithm 1", Method::Algorithm1)];
+const OURS: [(&str, Method); 3] = [
+    ("algorithm 1", Method::Algorithm1),
+    ("tempered", Method::Tempered),
+    ("regions", Method::Regions),
+];
 
 /// Names of the skittles' tasks, in the order of [`TARGETS`].
 const SKITTLES: [&str; 3] = ["skittles A", "skittles B", "skittles C"];
@@ -53,6 +57,7 @@ impl Task {
         Space { bounds: Some(bounds.clone()), ..Space::white(bounds.at(&[0.5, 0.5])) }
     }
 
+    /// What a trial earns.
     pub fn reward(self, theta: &DVector<f64>) -> f64 {
         match self {
             Task::Skittles(index) => skittles::reward(TARGETS[index], theta),
@@ -107,7 +112,9 @@ impl Task {
         let n_answers = search.modes().len() as f64;
         if let Task::Skittles(index) = self {
             let share = Task::share_of_regions(index, search);
+            let right = share == 1.0 && search.modes().len() == Regions::of(index).n;
             return vec![
+                Sample::rate(method, &metric("each region answered once"), right),
                 Sample::mean(method, &metric("regions answered"), share),
                 Sample::mean(method, &metric("answers"), n_answers),
                 last,
@@ -133,7 +140,10 @@ fn best(trials: &[Trial]) -> f64 {
 pub fn run_seed(seed: u64) -> Result<Vec<Sample>> {
     let mut samples = Vec::new();
     for task in TASKS {
-        let ours = OURS.map(|(name, method)| {
+        // Regions fill a box: without one they have nothing to do.
+        let fits =
+            |(_, method): &(&str, Method)| task != Task::Landscape || *method != Method::Regions;
+        let ours = OURS.into_iter().filter(fits).map(|(name, method)| {
             let config = SearchConfig { method, ..SearchConfig::default() };
             (name, build(&config, seed, task.space()))
         });
@@ -141,7 +151,7 @@ pub fn run_seed(seed: u64) -> Result<Vec<Sample>> {
             let setting = tuned::setting(name, task);
             (name, contender::search(contender, setting, seed, task.space()))
         });
-        for (name, mut search) in ours.into_iter().chain(others) {
+        for (name, mut search) in ours.chain(others) {
             let trials = task.run(&mut *search);
             samples.extend(task.samples(name, &trials, &*search));
         }

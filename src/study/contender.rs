@@ -7,7 +7,7 @@ use learner::search::enac::EnacConfig;
 use learner::search::gradient::StepConfig;
 use learner::search::normals::stream;
 use learner::search::pi2::Pi2Config;
-use learner::search::power::PowerConfig;
+use learner::search::power::{Elites, PowerConfig, Scatter, Weights};
 use learner::search::random::RandomConfig;
 use learner::search::reinforce::ReinforceConfig;
 use learner::search::rwr::RwrConfig;
@@ -93,6 +93,11 @@ impl Draw {
             Method::Power => {
                 let floor_std = self.log(0.05, 3.0);
                 config.power = PowerConfig {
+                    elites: Elites::All,
+                    min_successes: 1,
+                    weights: Weights::Reward,
+                    scatter: Scatter::Old,
+                    memory: 0,
                     n_elites: self.count(2, 20),
                     n_initial: self.count(3, 40) as u64,
                     initial_std: self.log(0.5, 5.0),

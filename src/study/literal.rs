@@ -1,13 +1,11 @@
 //! Algorithm 1 as printed, on the landscape of Sec. 4.2: the paper's system before any change.
 
 use anyhow::Result;
-use learner::search::Space;
 use learner::search::algorithm1::{Algorithm1, Algorithm1Config};
-use nalgebra::DVector;
 use physics::landscape::height;
 
 use super::Sample;
-use super::landscape::{N_TRIALS, START, run, samples};
+use super::landscape::{N_TRIALS, run, samples, space};
 
 /// What an independent implementation was measured with: 68 % of 1000 seeds end with the dominant
 /// component at the peak, after 12.8 splits in the mean.
@@ -24,8 +22,7 @@ const SETTINGS: Algorithm1Config = Algorithm1Config {
 
 pub fn run_seed(seed: u64) -> Result<Vec<Sample>> {
     let method = "algorithm 1";
-    let space = Space::white(DVector::from_column_slice(&START));
-    let mut search = Algorithm1::new(SETTINGS, seed, space);
+    let mut search = Algorithm1::new(SETTINGS, seed, space());
     let mut splits = 0.0;
     let result = run(
         &mut search,

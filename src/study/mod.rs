@@ -3,6 +3,7 @@
 mod cmaes;
 mod comparison;
 mod contender;
+mod drift;
 mod figures;
 mod landscape;
 mod literal;
@@ -71,15 +72,23 @@ pub const STUDIES: &[Study] = &[
         1,
         pancake::run_seed,
     ),
+    table_of("landscape", "the mixtures on the landscape, without a box", 1, landscape::run_seed),
+    table_of("drift", "a landscape that changes, with and without forgetting", 1, drift::run_seed),
     table_of("literal", "Algorithm 1 as printed, on the landscape", 1, literal::run_seed),
     table_of(
         "comparison",
         "every method with tuned settings, on landscape and skittles",
-        1,
+        2,
         comparison::run_seed,
     ),
     table_of("tune", "the settings drawn for each method of the comparison", 1, tune::run_seed),
-    table_of("niching", "all optima of the CEC 2013 functions F1 to F10", 1, niching::run_seed),
+    table_of("niching", "all optima of the CEC 2013 functions F1 to F10", 2, niching::run_seed),
+    table_of(
+        "regions",
+        "solution regions of landscape and skittles, in their boxes",
+        1,
+        peaks::run_default_seed,
+    ),
     table_of("peaks", "what counts the peaks of a known box best", 1, peaks::run_seed),
     figure_of("fig5", "several optima and what a gradient finds", fig5::figure),
     figure_of("fig6", "splitting a Gaussian, Eq. (9)", |_| fig6::figure()),

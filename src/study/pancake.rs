@@ -72,6 +72,7 @@ fn paper(config: &mut LearnerConfig) {
     config.search.power = PowerConfig {
         n_elites: 5,
         elites: Elites::All,
+        min_successes: 1,
         weights: Weights::Reward,
         scatter: Scatter::Old,
         memory: 0,
@@ -84,11 +85,8 @@ fn paper(config: &mut LearnerConfig) {
 }
 
 pub fn run_seed(seed: u64) -> Result<Vec<Sample>> {
-    let only = std::env::var("SKILLET_METHODS").ok();
     let mut samples = Vec::new();
-    for method in
-        METHODS.iter().filter(|m| only.as_ref().is_none_or(|o| o.split(';').any(|o| o == m.name)))
-    {
+    for method in METHODS {
         samples.extend(run_method(method, seed)?);
     }
     Ok(samples)
@@ -97,10 +95,6 @@ pub fn run_seed(seed: u64) -> Result<Vec<Sample>> {
 fn run_method(method: &Method, seed: u64) -> Result<Vec<Sample>> {
     let mut config = Config::default();
     config.learner.seed = seed;
-    if let Ok(path) = std::env::var("SKILLET_STUDY_CONFIG") {
-        config = Config::load(Some(std::path::Path::new(&path)))?;
-        config.learner.seed = seed;
-    }
     (method.config)(&mut config.learner);
     let bench = Bench::new(config, method.wrong_mass)?;
     let demonstration = setup::demonstration(&bench.config)?;
@@ -138,14 +132,6 @@ fn learn(
         let world =
             if perturbed { bench.perturbed(config.seed, LEARNING + rollout) } else { bench.world };
         let outcome = bench.rollout(&problem, &theta, &world)?;
-        if std::env::var("SKILLET_TRACE").is_ok() {
-            eprintln!(
-                "{rollout} {} {:.3} {:?}",
-                outcome.has(OUTCOME_SUCCESS),
-                config.reward.reward(&outcome),
-                outcome.fields().map(|f| (f.1 * 100.0).round() / 100.0)
-            );
-        }
         let (reward, success) = (config.reward.reward(&outcome), outcome.has(OUTCOME_SUCCESS));
         search.tell(&Trial { rollout, theta, reward, success });
         successes.push(success);

@@ -34,6 +34,12 @@ pub fn run_seed(seed: u64) -> Result<Vec<Sample>> {
     Ok(samples)
 }
 
+/// The default alone: what `learn skittles` does.
+pub fn run_default_seed(seed: u64) -> Result<Vec<Sample>> {
+    let run = |task: Task| run(task, task.name(), RegionsConfig::default(), seed);
+    Ok(TASKS.into_iter().flat_map(run).collect())
+}
+
 fn run(task: Task, method: &str, regions: RegionsConfig, seed: u64) -> Vec<Sample> {
     let config = SearchConfig { method: Method::Regions, regions, ..SearchConfig::default() };
     let mut search = build(&config, seed, task.space());

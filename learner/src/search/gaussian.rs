@@ -57,17 +57,31 @@ impl Gaussian {
 
     /// (θ − μ)ᵀ Σ⁻¹ (θ − μ) of every column of `thetas` (D×n).
     pub fn squared_distances(&self, thetas: &DMatrix<f64>) -> Vec<f64> {
-        let mut white = thetas.clone();
-        white.column_iter_mut().for_each(|mut column| column -= &self.mean);
-        self.cholesky.solve_lower_triangular_unchecked_mut(&mut white);
-        white.column_iter().map(|column| column.norm_squared()).collect()
+        let mut white = vec![0.0; self.dim()];
+        let distance = |theta: &[f64]| {
+            let centred = theta.iter().zip(self.mean.iter());
+            white.iter_mut().zip(centred).for_each(|(white, (theta, mean))| *white = theta - mean);
+            self.whiten(&mut white)
+        };
+        thetas.as_slice().chunks_exact(self.dim()).map(distance).collect()
+    }
+
+    /// Solves L·y = x in place; ‖y‖².
+    fn whiten(&self, x: &mut [f64]) -> f64 {
+        let mut sum = 0.0;
+        for (j, column) in self.cholesky.as_slice().chunks_exact(self.dim()).enumerate() {
+            let (solved, rest) = x[j..].split_first_mut().expect("j < D");
+            *solved /= column[j];
+            rest.iter_mut().zip(&column[j + 1..]).for_each(|(x, l)| *x -= l * *solved);
+            sum += *solved * *solved;
+        }
+        sum
     }
 
     /// log 𝒩(θ | μ, Σ).
     pub fn log_density(&self, theta: &DVector<f64>) -> f64 {
         let mut white = theta - &self.mean;
-        self.cholesky.solve_lower_triangular_unchecked_mut(&mut white);
-        self.log_normaliser - 0.5 * white.norm_squared()
+        self.log_normaliser - 0.5 * self.whiten(white.as_mut_slice())
     }
 
     /// μ + L z: a draw when `z` (D) is standard normal.

@@ -127,16 +127,17 @@ impl Niching {
     }
 
     /// `at` is on the hill of a known optimum. If it is above that one, the climb that found the
-    /// optimum ended below the top, and this one is worth going on.
+    /// optimum ended below the top: this one is worth going on, and at its end takes the place.
     fn is_known(&mut self, at: Trial, optimum: usize) {
-        let known = &mut self.optima.all[optimum].trial;
-        let above = known.reward < at.reward * (1.0 - ROUNDING);
+        let above = self.optima.all[optimum].trial.reward < at.reward * (1.0 - ROUNDING);
         let over = self.climb.as_ref().is_some_and(Climb::is_over);
-        if above && !over {
-            return self.go_on(at);
+        if above && over {
+            self.optima.all.swap_remove(optimum);
+            // It may be on the hill of another one, too.
+            return self.test(at);
         }
         if above {
-            *known = at;
+            return self.go_on(at);
         }
         self.climb = None;
         self.next_start();

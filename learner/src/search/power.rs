@@ -4,8 +4,8 @@
 //! told, the first update takes place with θ⁽ⁿ⁻¹⁾ = θ₀, and one more after each further trial.
 //!
 //! The paper's search learns from the best trials of all. Where the task says what success is, the
-//! default has two phases: until the first success it is the paper's search; from then on it learns
-//! from the best *successes* only, and the floor falls. A reward that was shaped to lead to a
+//! default has two phases: until there are a few successes it is the paper's search; from then on it
+//! learns from the best *successes* only, and the floor falls with each further one. A reward that was shaped to lead to a
 //! success need not tell good successes from near misses.
 
 use std::cmp::Ordering;
@@ -24,7 +24,7 @@ use crate::trial::{Proposal, Trial};
 pub enum Elites {
     /// The best of all.
     All,
-    /// The best successes, once there are any; the best of all before.
+    /// The best successes, once there are `min_successes`; the best of all before.
     Successes,
 }
 
@@ -55,6 +55,9 @@ pub struct PowerConfig {
     /// M, the trials Eqs. (1) and (6) are computed from.
     pub n_elites: usize,
     pub elites: Elites,
+    /// One success may be luck, and its neighbourhood barren: it takes so many, at most
+    /// `n_elites`, to follow them.
+    pub min_successes: usize,
     pub weights: Weights,
     pub scatter: Scatter,
     /// Only the last so many trials may be elites; 0 for all. Where outcomes are noisy, a lucky
@@ -65,8 +68,8 @@ pub struct PowerConfig {
     pub initial_std: f64,
     /// Exploration floor: Σ₀ = floor_std²·I.
     pub floor_std: f64,
-    /// Factor on the floor per rollout from the first adapted one on, or, where successes are the
-    /// elites, from the first one adapted to a success; 1 keeps it.
+    /// Factor on the floor per rollout, or, where successes are the elites, per success: a search
+    /// that does not succeed must not settle. 1 keeps the floor.
     pub floor_decay: f64,
     /// Where the decay of the floor ends.
     pub floor_min: f64,
@@ -77,13 +80,14 @@ impl Default for PowerConfig {
         PowerConfig {
             n_elites: 10,
             elites: Elites::Successes,
+            min_successes: 5,
             weights: Weights::Rank,
             scatter: Scatter::New,
             memory: 0,
             n_initial: 15,
             initial_std: 1.0,
             floor_std: 0.5,
-            floor_decay: 0.98,
+            floor_decay: 0.95,
             floor_min: 0.1,
         }
     }
@@ -94,6 +98,7 @@ impl PowerConfig {
     pub fn ranges(&self) -> Vec<Range> {
         vec![
             range("n_elites", self.n_elites as f64, 1.0, 1e4),
+            range("min_successes", self.min_successes as f64, 1.0, 1e4),
             range("memory", self.memory as f64, 0.0, 1e6),
             range("n_initial", self.n_initial as f64, 0.0, 1e4),
             range("initial_std", self.initial_std, 0.0, 100.0),
@@ -167,26 +172,25 @@ pub struct Power {
     n_told: u64,
     /// Factors of Eq. (6); `None` before the first update: N(θ₀, initial_std²·I).
     factors: Option<Vec<DVector<f64>>>,
-    /// The first rollout drawn while the floor falls.
-    falls_from: Option<u64>,
+    /// Trials that let the floor fall: successes, or all since the first update.
+    n_falls: u64,
 }
 
 impl Power {
     pub fn new(config: PowerConfig, seed: u64, space: Space) -> Self {
         let (mean, kept) = (space.theta_0, Vec::new());
-        Power { config, seed, mean, kept, n_told: 0, factors: None, falls_from: None }
+        Power { config, seed, mean, kept, n_told: 0, factors: None, n_falls: 0 }
     }
 
     /// Standard deviation of the isotropic part of the distribution of `rollout`.
     ///
     /// Departure: the paper's Σ₀ is constant. With `floor_decay` < 1 it shrinks to `floor_min`,
     /// which raises the share of successes late in a session.
-    fn floor(&self, rollout: u64) -> f64 {
+    fn floor(&self) -> f64 {
         if self.factors.is_none() {
             return self.config.initial_std;
         }
-        let n_fallen = self.falls_from.map_or(0, |from| rollout.saturating_sub(from));
-        let floor = self.config.floor_std * self.config.floor_decay.powf(n_fallen as f64);
+        let floor = self.config.floor_std * self.config.floor_decay.powf(self.n_falls as f64);
         floor.max(self.config.floor_min)
     }
 
@@ -209,19 +213,18 @@ impl Power {
 
     /// The trials to learn from, best first, and whether they are the successes.
     fn elites(&self) -> (Vec<Trial>, bool) {
-        let successful =
-            self.config.elites == Elites::Successes && self.kept.iter().any(|trial| trial.success);
+        let n_successes = self.kept.iter().filter(|trial| trial.success).count();
+        let successful = self.config.elites == Elites::Successes
+            && n_successes >= self.config.min_successes.min(self.config.n_elites);
         let chosen = self.kept.iter().filter(|trial| trial.success || !successful);
         (chosen.take(self.config.n_elites).cloned().collect(), successful)
     }
 
-    /// Eqs. (1) and (6), which share Θ⁽ⁿ⁻¹⁾. Without any reward mean and covariance stay.
-    fn update(&mut self) {
+    /// Eqs. (1) and (6), which share Θ⁽ⁿ⁻¹⁾. Without any reward mean and covariance stay. Returns
+    /// whether the elites are the successes.
+    fn update(&mut self) -> bool {
         let (elites, successful) = self.elites();
-        if successful || self.config.elites == Elites::All {
-            self.falls_from.get_or_insert(self.n_told + 1);
-        }
-        let Some(weights) = weights(self.config.weights, &elites) else { return };
+        let Some(weights) = weights(self.config.weights, &elites) else { return successful };
         let mean = power_mean(&self.mean, &elites, &weights);
         let factors = if successful && self.config.scatter == Scatter::New {
             let m = elites.len() as f64;
@@ -232,6 +235,7 @@ impl Power {
             scatter_factors(&self.mean, &elites, &weights)
         };
         (self.factors, self.mean) = (Some(factors), mean);
+        successful
     }
 }
 
@@ -248,7 +252,7 @@ impl Search for Power {
             for factor in self.factors.iter().flatten() {
                 theta += factor * standard_normal(&mut rng);
             }
-            let floor = self.floor(rollout);
+            let floor = self.floor();
             theta.iter_mut().for_each(|x| *x += floor * standard_normal(&mut rng));
         }
         Proposal { rollout, theta }
@@ -258,17 +262,24 @@ impl Search for Power {
         assert!(trial.reward.is_finite() && trial.reward >= 0.0, "reward {}", trial.reward);
         self.n_told += 1;
         self.keep(trial);
-        if self.n_told > self.config.n_initial {
-            self.update();
+        if self.n_told <= self.config.n_initial {
+            return;
         }
+        let successful = self.update();
+        // The first update ends the initial batch; the floor falls with what is told after it.
+        let falls = match self.config.elites {
+            Elites::All => self.n_told > self.config.n_initial + 1,
+            Elites::Successes => successful && trial.success,
+        };
+        self.n_falls += u64::from(falls);
     }
 
     fn mean(&self) -> &DVector<f64> {
         &self.mean
     }
 
-    fn snapshot(&self, rollout: u64) -> SearchSnapshot {
-        let floor = self.floor(rollout);
+    fn snapshot(&self, _rollout: u64) -> SearchSnapshot {
+        let floor = self.floor();
         let mut variance = DVector::from_element(self.mean.len(), floor * floor);
         for factor in self.factors.iter().flatten() {
             variance += factor.component_mul(factor);

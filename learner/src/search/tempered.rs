@@ -72,7 +72,7 @@ impl Default for TemperedConfig {
             floor_std: 0.2,
             pseudo_count: 1.0,
             beta_start: 0.5,
-            beta_end: 8.0,
+            beta_end: 10.0,
             wide_start: 0.7,
             wide_end: 0.15,
             wide_volume: 6.0,

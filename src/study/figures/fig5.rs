@@ -1,7 +1,7 @@
 //! Fig. 5: several optima, of which a gradient finds one; a mixture finds both and their spread.
 
 use anyhow::Result;
-use learner::search::{Method, SearchConfig, Space};
+use learner::search::{Method, Space};
 use nalgebra::{DVector, Vector2};
 
 use crate::report::figure::{Figure, Row, THIRD};
@@ -12,7 +12,7 @@ use crate::study::runs::Run;
 const START: [f64; 2] = [1.0, -2.6];
 /// Height, centre and variances of the two hills: a narrow high one, a wide lower one.
 const HILLS: [(f64, [f64; 2], [f64; 2]); 2] =
-    [(1.0, [-1.6, 1.2], [0.25, 0.4]), (0.85, [1.9, 0.4], [1.3, 0.9])];
+    [(1.0, [-1.6, 1.2], [0.25, 0.4]), (0.95, [1.9, 0.4], [1.3, 0.9])];
 
 fn reward(theta: &Vector2<f64>) -> f64 {
     let hill = |(height, centre, variance): &(f64, [f64; 2], [f64; 2])| {
@@ -25,9 +25,9 @@ fn reward(theta: &Vector2<f64>) -> f64 {
 pub fn figure(seed: u64) -> Result<Figure> {
     let bounds = learner::search::Bounds::new(2, &[-4.0, -4.0], &[4.0, 4.0])?;
     let space = Space { bounds: Some(bounds), ..Space::white(DVector::from_column_slice(&START)) };
-    let config = SearchConfig { method: Method::Regions, ..Default::default() };
-    let run =
-        Run::new(&config, seed, space, 150, &|theta, _| reward(&Vector2::new(theta[0], theta[1])))?;
+    let run = Run::new(Method::Regions, seed, space, 150, &|theta| {
+        reward(&Vector2::new(theta[0], theta[1]))
+    })?;
     let ascent = ascent();
     let end = *ascent.last().expect("it has a start");
 
@@ -35,6 +35,9 @@ pub fn figure(seed: u64) -> Result<Figure> {
     let map = Map { x: axis("Θ₁"), y: axis("Θ₂"), reward: &reward, max: 1.0 };
     let legend = [(Key::Line, "learnt", "modes found"), (Key::Line, "initial", "gradient ascent")];
     let mut plot = map.draw((1.5 * THIRD, 470.0), "a landscape with two optima", &legend);
+    for trial in &run.trials {
+        plot.dot(trial.theta[0], trial.theta[1], 1.8, "dot failure");
+    }
     plot.curve(ascent, "initial");
     plot.dot(START[0], START[1], 4.0, "dot start");
     plot.dot(end.0, end.1, 4.0, "dot failure");

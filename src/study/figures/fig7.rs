@@ -8,7 +8,8 @@ use crate::report::figure::{Figure, Row, THIRD};
 use crate::report::map::{Map, draw_mode};
 use crate::report::plot::{Axis, Key, Plot};
 use crate::report::svg::Panel;
-use crate::study::runs::{Run, landscape_run};
+use crate::study::comparison::Task;
+use crate::study::runs::Run;
 
 /// Trials of which the mixture is shown.
 const SHOWN: [usize; 6] = [5, 20, 40, 80, 140, 200];
@@ -18,7 +19,7 @@ const TRIALS: u64 = 200;
 pub fn figure(seed: u64) -> Result<Figure> {
     let mut rows = Vec::new();
     for (method, name) in [(Method::Tempered, "tempered"), (Method::Algorithm1, "as printed")] {
-        let run = landscape_run(method, seed, TRIALS)?;
+        let run = Run::on(Task::Landscape, method, seed, TRIALS)?;
         let snapshots: Vec<Panel> = SHOWN.iter().map(|n| snapshot(&run, *n)).collect();
         rows.push(Row::Thirds(snapshots));
         rows.push(Row::wide(|width| components(&run, name, width)));

@@ -2,29 +2,33 @@
 
 use anyhow::Result;
 use learner::search::Method;
-use nalgebra::Vector2;
-use physics::skittles::{BOX, SkittlesConfig, TARGETS, Throw};
+use nalgebra::{DVector, Vector2};
+use physics::skittles::{BOX, TARGETS};
 
 use crate::report::figure::{Figure, Row, THIRD};
 use crate::report::map::{Map, draw_mode};
 use crate::report::plot::Axis;
 use crate::report::svg::Panel;
-use crate::study::runs::{LAMBDA, Run, skittles_run};
+use crate::study::comparison::Task;
+use crate::study::runs::Run;
+use crate::study::skittles;
 
 const TRIALS: u64 = 200;
 
 pub fn figure(seed: u64) -> Result<Figure> {
     let mut landscapes = Vec::new();
     let mut results = Vec::new();
-    for (target, name) in TARGETS.into_iter().zip([
+    for (index, name) in [
         "α̇ rad/s, skittle at (0.3, 1.4)",
         "α̇ rad/s, skittle at (1.2, 0)",
         "α̇ rad/s, skittle at (0.8, 0.8)",
-    ]) {
-        let world = SkittlesConfig { target, ..Default::default() };
-        landscapes.push(panel(&world, name, None));
-        let run = skittles_run(Method::Regions, target, seed, TRIALS)?;
-        results.push(panel(&world, name, Some(&run)));
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        landscapes.push(panel(index, name, None));
+        let run = Run::on(Task::Skittles(index), Method::Regions, seed, TRIALS)?;
+        results.push(panel(index, name, Some(&run)));
     }
     Ok(Figure {
         stem: "fig8",
@@ -38,10 +42,9 @@ pub fn figure(seed: u64) -> Result<Figure> {
     })
 }
 
-fn panel(world: &SkittlesConfig, name: &'static str, run: Option<&Run>) -> Panel {
+fn panel(index: usize, name: &'static str, run: Option<&Run>) -> Panel {
     let reward = |theta: &Vector2<f64>| {
-        let throw = Throw { alpha: theta.x, alpha_dot: theta.y };
-        (-LAMBDA * world.fly(&throw).distance_m).exp()
+        skittles::reward(TARGETS[index], &DVector::from_column_slice(theta.as_slice()))
     };
     let map = Map {
         x: Axis { label: "α rad", min: BOX.0[0], max: BOX.1[0] },

@@ -30,6 +30,7 @@ fn plain() -> PowerConfig {
         floor_decay: 1.0,
         floor_min: 0.05,
         elites: Elites::All,
+        min_successes: 1,
         weights: Weights::Reward,
         scatter: Scatter::Old,
         memory: 0,
@@ -92,7 +93,7 @@ fn sampler_has_the_covariance_of_eq_6() {
     for (column, factor) in factors.iter().enumerate() {
         f.set_column(column, factor);
     }
-    f.view_mut((0, factors.len()), (12, 12)).fill_diagonal(search.floor(31));
+    f.view_mut((0, factors.len()), (12, 12)).fill_diagonal(search.floor());
     let sigma_0 = DMatrix::identity(12, 12) * config.floor_std.powi(2);
     let weights = weights(Weights::Reward, &search.kept).unwrap();
     let dense = power_covariance(&old_mean, &search.kept, &weights, &sigma_0);
@@ -114,7 +115,7 @@ fn explores_around_the_start_until_the_initial_batch_is_told() {
     assert_eq!(search.snapshot(5).std, DVector::from_element(12, 0.5));
     let search = run(config, 1, 5, hill);
     assert_ne!(search.mean(), &DVector::zeros(12));
-    assert_eq!(search.floor(6), 0.2);
+    assert_eq!(search.floor(), 0.2);
 }
 
 #[test]
@@ -183,10 +184,10 @@ fn tiny_and_huge_rewards_stay_finite() {
 #[test]
 fn floor_decays_to_its_minimum() {
     let config = PowerConfig { floor_decay: 0.9, floor_min: 0.05, ..plain() };
-    let search = run(config, 1, 12, hill);
-    assert_eq!(search.floor(12), 0.2);
-    assert!((search.floor(14) - 0.2 * 0.81).abs() < 1e-15);
-    assert_eq!(search.floor(1000), 0.05);
+    let floor = |n| run(config, 1, n, hill).floor();
+    assert_eq!(floor(11), 0.2);
+    assert!((floor(13) - 0.2 * 0.81).abs() < 1e-15);
+    assert_eq!(floor(100), 0.05);
 }
 
 #[test]
@@ -210,7 +211,13 @@ fn tell(search: &mut Power, rollout: u64, theta: f64, reward: f64, success: bool
 }
 
 fn two_phases() -> PowerConfig {
-    PowerConfig { n_elites: 2, n_initial: 2, floor_decay: 0.9, ..PowerConfig::default() }
+    PowerConfig {
+        n_elites: 2,
+        min_successes: 2,
+        n_initial: 2,
+        floor_decay: 0.9,
+        ..PowerConfig::default()
+    }
 }
 
 #[test]
@@ -225,26 +232,34 @@ fn successes_take_over_from_better_rewarded_failures() {
     assert!((search.mean()[0] - mean).abs() < 1e-12);
     let variance = w * 16.0 + (1.0 - w) * 4.0 + 0.25;
     assert!((search.snapshot(4).std[0] - variance.sqrt()).abs() < 1e-12);
-    assert_eq!(search.floor(40), 0.5, "the floor waits for a success");
 
     tell(&mut search, 4, -1.0, 0.5, true);
-    assert!((search.mean()[0] + 1.0).abs() < 1e-12);
-    assert!((search.snapshot(5).std[0] - 0.5).abs() < 1e-12, "one success alone has no spread");
-    assert!((search.floor(7) - 0.5 * 0.81).abs() < 1e-12, "now it falls");
-
+    assert!(search.mean()[0] > 2.0, "one success may be luck");
+    assert_eq!(search.floor(), 0.5, "the floor waits as well");
     tell(&mut search, 5, -3.0, 0.4, true);
-    tell(&mut search, 6, -9.0, 0.3, true);
-    let mean = w * -1.0 + (1.0 - w) * -3.0;
+    let mean = -w - 3.0 * (1.0 - w);
     assert!((search.mean()[0] - mean).abs() < 1e-12, "the best two successes");
+    let floor: f64 = 0.5 * 0.9;
     let spread = 2.0 * (w * (-1.0 - mean).powi(2) + (1.0 - w) * (-3.0 - mean).powi(2));
-    let floor = search.floor(7);
-    assert!((search.snapshot(7).std[0] - (spread + floor * floor).sqrt()).abs() < 1e-12);
+    assert!((search.snapshot(6).std[0] - (spread + floor * floor).sqrt()).abs() < 1e-12);
+
+    tell(&mut search, 6, -9.0, 0.3, true);
+    assert!((search.mean()[0] - mean).abs() < 1e-12, "a third one, not as good");
+    tell(&mut search, 7, 9.0, 9.0, false);
+    assert!((search.mean()[0] - mean).abs() < 1e-12, "a failure");
+    assert!((search.floor() - 0.5 * 0.81).abs() < 1e-12, "the floor falls with successes only");
 }
 
 #[test]
 fn a_lucky_trial_leaves_the_memory() {
     let remember = |memory| {
-        let config = PowerConfig { memory, n_elites: 1, n_initial: 0, ..PowerConfig::default() };
+        let config = PowerConfig {
+            memory,
+            n_elites: 1,
+            min_successes: 1,
+            n_initial: 0,
+            ..PowerConfig::default()
+        };
         let mut search = Power::new(config, 1, Space::white(DVector::zeros(1)));
         tell(&mut search, 1, 7.0, 9.0, true);
         for rollout in 2..=4 {
@@ -252,5 +267,7 @@ fn a_lucky_trial_leaves_the_memory() {
         }
         search.mean()[0]
     };
-    assert_eq!((remember(0), remember(4), remember(3)), (7.0, 7.0, 2.0));
+    for (memory, best) in [(0, 7.0), (4, 7.0), (3, 2.0)] {
+        assert!((remember(memory) - best).abs() < 1e-12, "memory {memory}");
+    }
 }

@@ -160,7 +160,7 @@ mod tests {
     #[test]
     fn one_point_or_equal_points_are_one_group() {
         let point = DVector::from_vec(vec![0.3, 0.4]);
-        assert_eq!(groups(&[point.clone()], &[1.0]), [0]);
+        assert_eq!(groups(std::slice::from_ref(&point), &[1.0]), [0]);
         assert_eq!(groups(&vec![point; 8], &[0.5; 8]), [0; 8]);
     }
 }

@@ -42,16 +42,18 @@ impl Sampler {
         let narrow = (1.0 - self.wide_share).ln();
         let wide = self.wide_share.ln() - thetas.nrows() as f64 * self.wide_factor.ln();
         let shrink = self.wide_factor.powi(-2);
-        let mut total = vec![f64::NEG_INFINITY; thetas.ncols()];
-        for component in &self.mixture.components {
+        // A row of 2K terms for each θ.
+        let width = 2 * self.mixture.components.len();
+        let mut terms = vec![0.0; width * thetas.ncols()];
+        for (i, component) in self.mixture.components.iter().enumerate() {
             let constant = component.prior.ln() + component.gaussian.log_normaliser();
             let distances = component.gaussian.squared_distances(thetas);
-            for (total, d2) in total.iter_mut().zip(distances) {
-                let both = log_add(narrow - 0.5 * d2, wide - 0.5 * shrink * d2);
-                *total = log_add(*total, constant + both);
+            for (row, d2) in terms.chunks_exact_mut(width).zip(distances) {
+                row[2 * i] = constant + narrow - 0.5 * d2;
+                row[2 * i + 1] = constant + wide - 0.5 * shrink * d2;
             }
         }
-        total
+        terms.chunks_exact(width).map(log_sum_exp).collect()
     }
 }
 

@@ -7,7 +7,7 @@ use super::super::mixture::{Component, Mixture};
 use super::super::split_merge::{Split, merge, split};
 
 /// EM steps on what a split or merge changes, before it is judged.
-const REFINEMENT: usize = 5;
+const REFINEMENT: usize = 3;
 /// A component with less of the weights explains nothing.
 const MIN_MASS: f64 = 1e-12;
 
@@ -40,19 +40,23 @@ pub struct Fit<'a> {
     mixture: Mixture,
     /// log πᵢ 𝒩(θₘ | μᵢ, Σᵢ): one column a component.
     joint: Vec<Vec<f64>>,
+    /// log p(θₘ).
+    densities: Vec<f64>,
 }
 
 impl<'a> Fit<'a> {
     pub fn new(mixture: Mixture, trials: &'a Weighted, regulariser: Regulariser) -> Self {
         let joint = mixture.components.iter().map(|c| log_joint(c, trials)).collect();
-        Fit { trials, regulariser, mixture, joint }
+        let mut fit = Fit { trials, regulariser, mixture, joint, densities: Vec::new() };
+        fit.densities = fit.log_densities(&fit.all());
+        fit
     }
 
     pub fn into_mixture(self) -> Mixture {
         self.mixture
     }
 
-    /// log p(θₘ) of the mixture of some of the components.
+    /// log p(θₘ) of some of the components.
     fn log_densities(&self, components: &[usize]) -> Vec<f64> {
         let mut row = vec![0.0; components.len()];
         let density = |m: usize| {
@@ -68,8 +72,7 @@ impl<'a> Fit<'a> {
 
     /// Σ w log p(θ).
     fn log_likelihood(&self) -> f64 {
-        let densities = self.log_densities(&self.all());
-        densities.iter().zip(&self.trials.weights).map(|(density, w)| density * w).sum()
+        self.densities.iter().zip(&self.trials.weights).map(|(density, w)| density * w).sum()
     }
 
     /// One step of Eq. (7) on all components.
@@ -82,11 +85,8 @@ impl<'a> Fit<'a> {
         let others: Vec<usize> = self.all().into_iter().filter(|i| !active.contains(i)).collect();
         let fixed = self.log_densities(&others);
         for _ in 0..steps {
-            let mut densities = self.log_densities(active);
-            densities.iter_mut().zip(&fixed).for_each(|(x, fixed)| *x = log_add(*x, *fixed));
             let share: f64 = active.iter().map(|&i| self.mixture.components[i].prior).sum();
-            let updated: Vec<Component> =
-                active.iter().map(|&i| self.m_step(i, &densities)).collect();
+            let updated: Vec<Component> = active.iter().map(|&i| self.m_step(i)).collect();
             let mass: f64 = updated.iter().map(|component| component.prior).sum();
             if mass == 0.0 {
                 return;
@@ -96,15 +96,17 @@ impl<'a> Fit<'a> {
                 self.joint[i] = log_joint(&component, self.trials);
                 self.mixture.components[i] = component;
             }
+            let moved = self.log_densities(active);
+            self.densities = moved.iter().zip(&fixed).map(|(a, b)| log_add(*a, *b)).collect();
         }
     }
 
     /// Eq. (7) for component `i`: all trials, about the new mean, regularised. Its mass Σ w·hᵢ
     /// takes the place of the prior.
-    fn m_step(&self, i: usize, densities: &[f64]) -> Component {
-        let shares = self.trials.weights.iter().zip(&self.joint[i]).zip(densities);
-        let mut shares =
-            DVector::from_iterator(densities.len(), shares.map(|((w, l), p)| w * (l - p).exp()));
+    fn m_step(&self, i: usize) -> Component {
+        let terms = self.trials.weights.iter().zip(&self.joint[i]).zip(&self.densities);
+        let shares = terms.map(|((w, joint), density)| w * (joint - density).exp());
+        let mut shares = DVector::from_iterator(self.densities.len(), shares);
         let mass = shares.sum();
         if mass < MIN_MASS {
             let gaussian = self.mixture.components[i].gaussian.clone();
@@ -138,8 +140,11 @@ impl<'a> Fit<'a> {
         let price = 0.5 * n_parameters * n.ln() / n;
         let now = self.log_likelihood();
         let k = self.joint.len();
-        if k < max_components {
-            let halves = self.split((turn % k as u64) as usize);
+        let i = (turn % k as u64) as usize;
+        // A half with fewer trials than span its covariance is no finding (nor worth the time).
+        let enough = self.mixture.components[i].prior * n >= 2.0 * (dim + 1.0);
+        if k < max_components && enough {
+            let halves = self.split(i);
             if halves.log_likelihood() - now > price {
                 *self = halves;
                 return;
@@ -154,34 +159,41 @@ impl<'a> Fit<'a> {
     }
 
     fn split(&self, i: usize) -> Fit<'a> {
-        let mixture = split(&self.mixture, i, Split::default());
-        let mut joint = self.joint.clone();
-        let last = joint.len();
-        joint[i] = log_joint(&mixture.components[i], self.trials);
-        joint.push(log_joint(&mixture.components[last], self.trials));
-        let mut fit = Fit { mixture, joint, ..*self };
-        fit.refine(&[i, last], REFINEMENT);
-        fit
+        let last = self.joint.len();
+        self.changed(split(&self.mixture, i, Split::default()), &[i, last], |joint| {
+            joint.push(Vec::new());
+        })
     }
 
     fn merge(&self, j: usize, k: usize) -> Fit<'a> {
-        let mixture = merge(&self.mixture, j, k);
+        self.changed(merge(&self.mixture, j, k), &[j], |joint| drop(joint.remove(k)))
+    }
+
+    /// The fit of a `mixture` that differs in the components `active`, after their refinement.
+    fn changed(
+        &self,
+        mixture: Mixture,
+        active: &[usize],
+        arrange: impl FnOnce(&mut Vec<Vec<f64>>),
+    ) -> Fit<'a> {
         let mut joint = self.joint.clone();
-        joint.remove(k);
-        joint[j] = log_joint(&mixture.components[j], self.trials);
-        let mut fit = Fit { mixture, joint, ..*self };
-        fit.refine(&[j], REFINEMENT);
+        arrange(&mut joint);
+        for &i in active {
+            joint[i] = log_joint(&mixture.components[i], self.trials);
+        }
+        let mut fit = Fit { mixture, joint, densities: Vec::new(), ..*self };
+        fit.densities = fit.log_densities(&fit.all());
+        fit.refine(active, REFINEMENT);
         fit
     }
 
     /// The two components whose responsibilities for the trials are nearest to parallel; one that
     /// is responsible for none is like any other.
     fn most_alike(&self) -> Option<(usize, usize)> {
-        let densities = self.log_densities(&self.all());
         let direction = |column: &Vec<f64>| {
-            let terms = column.iter().zip(&densities).zip(&self.trials.weights);
+            let terms = column.iter().zip(&self.densities).zip(&self.trials.weights);
             let shares = terms.map(|((joint, density), w)| w.sqrt() * (joint - density).exp());
-            let shares = DVector::from_iterator(densities.len(), shares);
+            let shares = DVector::from_iterator(column.len(), shares);
             let norm = shares.norm();
             (norm > MIN_MASS).then(|| shares / norm)
         };
