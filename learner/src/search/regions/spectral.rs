@@ -8,10 +8,12 @@ use super::clusters::{farthest_first, nearest};
 const MAX_GROUPS: usize = 10;
 /// The scale of a trial's affinities is the distance to this neighbour.
 const SCALE_NEIGHBOUR: usize = 4;
+/// Eigenvalues of the Laplacian below this are as good as zero.
+const RESOLUTION: f64 = 0.02;
 const ITERATIONS: usize = 30;
 
 /// Group of each point: normalised cuts with self-tuned affinities (Zelnik-Manor and Perona, NIPS
-/// 2004), as many groups as the largest gap among the eigenvalues says (Ng, Jordan and Weiss, NIPS
+/// 2004), as many groups as the largest relative gap among the eigenvalues says (Ng, Jordan and Weiss, NIPS
 /// 2001). Along a ridge the eigenvalues decline steadily, and the gap says little.
 pub fn groups(points: &[DVector<f64>]) -> Vec<usize> {
     let n = points.len();
@@ -21,7 +23,10 @@ pub fn groups(points: &[DVector<f64>]) -> Vec<usize> {
     let eigen = SymmetricEigen::new(normalised_affinity(points));
     let mut order: Vec<usize> = (0..n).collect();
     order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]).then(a.cmp(&b)));
-    let gap = |k: &usize| eigen.eigenvalues[order[k - 1]] - eigen.eigenvalues[order[*k]];
+    // Of the Laplacian, whose eigenvalues are zero as often as there are separate groups: the gap
+    // is relative, as those within a group begin low too.
+    let laplacian = |k: usize| (1.0 - eigen.eigenvalues[order[k]]).max(0.0) + RESOLUTION;
+    let gap = |k: &usize| laplacian(*k) / laplacian(k - 1);
     let n_groups = (1..=MAX_GROUPS.min(n - 1))
         .rev()
         .max_by(|a, b| gap(a).total_cmp(&gap(b)))
