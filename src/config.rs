@@ -36,6 +36,8 @@ pub struct TaskConfig {
     pub name: String,
     /// CSV `t_s,x_m,y_m,z_m,pitch_rad`; the built-in demonstration when absent.
     pub demonstration: Option<PathBuf>,
+    /// Further ones, of other ways to do it: the search keeps a mode for each.
+    pub other_demonstrations: Vec<PathBuf>,
     /// Where the skittle stands (task skittles), m.
     pub target_m: [f64; 2],
 }
@@ -79,7 +81,12 @@ impl Default for CellConfig {
 impl Default for TaskConfig {
     fn default() -> Self {
         let target_m = skittles::TARGETS[0];
-        TaskConfig { name: "pancake".into(), demonstration: None, target_m }
+        TaskConfig {
+            name: "pancake".into(),
+            demonstration: None,
+            other_demonstrations: Vec::new(),
+            target_m,
+        }
     }
 }
 
@@ -207,6 +214,9 @@ impl Config {
             .with_context(|| format!("{}: not a valid configuration", path.display()))?;
         let folder = path.parent().unwrap_or(Path::new("."));
         for inner in [&mut config.task.demonstration, &mut config.plant.arm].into_iter().flatten() {
+            *inner = folder.join(&*inner);
+        }
+        for inner in &mut config.task.other_demonstrations {
             *inner = folder.join(&*inner);
         }
         config.validate().with_context(|| path.display().to_string())?;

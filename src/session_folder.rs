@@ -89,6 +89,11 @@ impl SessionFolder {
             self.put(DEMONSTRATION, &demonstration_text(config)?)?;
             self.put(ARM, &arm_text(config)?)?;
             own.task.demonstration = Some(DEMONSTRATION.into());
+            for (i, path) in own.task.other_demonstrations.iter_mut().enumerate() {
+                let name = format!("demonstration-{}.csv", i + 2);
+                self.put(&name, &text_of(Some(path), "")?)?;
+                *path = name.into();
+            }
             own.plant.arm = Some(ARM.into());
         }
         self.put(CONFIG, &own.to_toml()?)
@@ -114,6 +119,7 @@ impl SessionFolder {
             .context("written by another version, or edited: use that version or another --out")?;
         let files = [
             ("task.demonstration", demonstration_text(config)?, demonstration_text(&stored)?),
+            ("task.other_demonstrations", other_texts(config)?, other_texts(&stored)?),
             ("plant.arm", arm_text(config)?, arm_text(&stored)?),
         ];
         let changed = files.iter().find(|(_, ours, theirs)| ours != theirs).map(|(name, ..)| *name);
@@ -159,6 +165,10 @@ fn demonstration_text(config: &Config) -> Result<String> {
     text_of(config.task.demonstration.as_deref(), setup::PANCAKE_DEMONSTRATION)
 }
 
+fn other_texts(config: &Config) -> Result<String> {
+    config.task.other_demonstrations.iter().map(|path| text_of(Some(path), "")).collect()
+}
+
 fn arm_text(config: &Config) -> Result<String> {
     text_of(config.plant.arm.as_deref(), setup::WAM7_URDF)
 }
@@ -172,7 +182,8 @@ fn text_of(given: Option<&Path>, built_in: &str) -> Result<String> {
 }
 
 fn without_demonstration(config: &Config) -> TaskConfig {
-    TaskConfig { demonstration: None, ..config.task.clone() }
+    let other_demonstrations = Vec::new();
+    TaskConfig { demonstration: None, other_demonstrations, ..config.task.clone() }
 }
 
 fn without_arm(config: &Config) -> PlantConfig {

@@ -1,5 +1,6 @@
 //! From configuration to the parts of a cell: arm, demonstration, and whether they fit.
 
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -67,30 +68,48 @@ pub fn arm(config: &Config) -> Result<ArmModel> {
     Ok(model)
 }
 
-/// Everything that can be checked before a process starts: arm, demonstration and their fit. A
-/// task without an arm has none, and no demonstration.
-pub fn check(config: &Config) -> Result<Option<Demonstration>> {
+/// Everything that can be checked before a process starts: arm, demonstrations and their fit. A
+/// task without an arm has neither.
+pub fn check(config: &Config) -> Result<Vec<Demonstration>> {
     if !config.has_arm() {
-        return Ok(None);
+        return Ok(Vec::new());
     }
     let model = arm(config)?;
-    let demonstration = demonstration(config)?;
-    check_duration(config, &demonstration)?;
-    check_reach(&model, &config.plant.start_posture(), &demonstration)?;
-    Ok(Some(demonstration))
+    let demonstrations = demonstrations(config)?;
+    let first = &demonstrations[0];
+    for demonstration in &demonstrations {
+        check_duration(config, demonstration)?;
+        check_reach(&model, &config.plant.start_posture(), demonstration)?;
+        let (found, expected) = (demonstration.duration_s(), first.duration_s());
+        if (found - expected).abs() > 1e-6 {
+            bail!(
+                "{}: lasts {found:.2} s, {} {expected:.2} s: make them equally long, the policies \
+                 share their clock",
+                demonstration.file(),
+                first.file()
+            );
+        }
+    }
+    Ok(demonstrations)
 }
 
-pub fn demonstration(config: &Config) -> Result<Demonstration> {
-    let parsed = match &config.task.demonstration {
-        Some(path) => {
-            let name = path.display().to_string();
-            let text = std::fs::read_to_string(path)
-                .with_context(|| format!("{name}: cannot read the demonstration"))?;
-            Demonstration::parse(&name, &text)?
-        }
+/// The demonstration the session starts from, then the other ones.
+pub fn demonstrations(config: &Config) -> Result<Vec<Demonstration>> {
+    let mut all = vec![match &config.task.demonstration {
+        Some(path) => read_demonstration(path)?,
         None => Demonstration::parse("built-in demonstration", PANCAKE_DEMONSTRATION)?,
-    };
-    Ok(parsed)
+    }];
+    for path in &config.task.other_demonstrations {
+        all.push(read_demonstration(path)?);
+    }
+    Ok(all)
+}
+
+fn read_demonstration(path: &Path) -> Result<Demonstration> {
+    let name = path.display().to_string();
+    let text = std::fs::read_to_string(path)
+        .with_context(|| format!("{name}: cannot read the demonstration"))?;
+    Ok(Demonstration::parse(&name, &text)?)
 }
 
 /// A rollout of the demonstration's length fits into an episode.

@@ -28,7 +28,7 @@ fn thetas_rewards_and_outcomes_are_those_of_a_session() {
     let csv = text(&bench.path("s/demonstration.csv"));
     let demonstration = Demonstration::parse("demonstration.csv", &csv).unwrap();
     let config = LearnerConfig { seed: 2, ..LearnerConfig::default() };
-    let problem = Problem::new(&config, &demonstration).unwrap();
+    let problem = Problem::new(&config, std::slice::from_ref(&demonstration)).unwrap();
     let mut search = problem.search(&config);
     let mut plant = PancakePlant::new(&arm, &WAM7_START_POSTURE, &PancakeConfig::default());
     let outcome = OutcomeConfig::default();

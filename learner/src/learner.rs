@@ -52,10 +52,10 @@ impl Learner {
     pub fn create(
         directory: &Path,
         meta: SessionMeta,
-        demonstration: Option<&Demonstration>,
+        demonstrations: &[Demonstration],
     ) -> Result<Self, LearnerError> {
         meta.learner.validate()?;
-        let (policy, source) = match demonstration {
+        let (policy, source) = match demonstrations.first() {
             Some(demonstration) => {
                 let policy = initial_policy(demonstration, &meta.learner.initial_policy());
                 (policy, demonstration.file())
@@ -64,7 +64,7 @@ impl Learner {
         };
         let (session, policy_id) = (meta.session_id, INITIAL_POLICY_ID);
         let initial = PolicyMsg { session, policy_id, ..policy };
-        let problem = Problem::around(&initial, &meta.learner, demonstration)?;
+        let problem = Problem::around(&initial, &meta.learner, demonstrations)?;
         let config = meta.learner.clone();
         let mut store = Store::create(&directory.join(SESSION_FILE), meta, &initial)?;
         store.record_event("created", source)?;
@@ -79,13 +79,13 @@ impl Learner {
         directory: &Path,
         task: &str,
         config: &LearnerConfig,
-        demonstration: Option<&Demonstration>,
+        demonstrations: &[Demonstration],
     ) -> Result<Self, LearnerError> {
         config.validate()?;
         let store = Store::open(&directory.join(SESSION_FILE))?;
         store.expect_task(task)?;
         config.check_resumes(&store.meta().learner)?;
-        let Replayed { problem, search, trials } = Replayed::of(&store, demonstration)?;
+        let Replayed { problem, search, trials } = Replayed::of(&store, demonstrations)?;
         let config = config.clone();
         let mut learner = Learner { config, problem, search, store, trials, pending: None };
         if let Some(stored) = learner.store.pending_proposal()? {

@@ -14,7 +14,8 @@ use crate::search::{self, Search, Space};
 /// A configured search problem; the same for a session and for a study without one.
 pub struct Problem {
     encoding: Encoding,
-    pub space: Space,
+    /// One for each demonstration, or that of the action.
+    pub spaces: Vec<Space>,
 }
 
 /// How θ becomes a policy.
@@ -26,34 +27,37 @@ enum Encoding {
 }
 
 impl Problem {
-    /// Starts from the policy fitted to `demonstration`.
+    /// Starts from the policies fitted to `demonstrations`, at least one.
     pub fn new(
         config: &LearnerConfig,
-        demonstration: &Demonstration,
+        demonstrations: &[Demonstration],
     ) -> Result<Problem, LearnerError> {
-        let initial = initial_policy(demonstration, &config.initial_policy());
-        Problem::around(&initial, config, Some(demonstration))
+        let initial = initial_policy(&demonstrations[0], &config.initial_policy());
+        Problem::around(&initial, config, demonstrations)
     }
 
-    /// Starts from `initial`, the policy that was fitted to `demonstration`, or an action.
+    /// Starts from `initial`, the policy that was fitted to the first of `demonstrations`, and from
+    /// those fitted to the others; or from an action when there is none.
     pub fn around(
         initial: &PolicyMsg,
         config: &LearnerConfig,
-        demonstration: Option<&Demonstration>,
+        demonstrations: &[Demonstration],
     ) -> Result<Problem, LearnerError> {
-        let Some(demonstration) = demonstration else {
-            return Ok(Problem { encoding: Encoding::Action, space: config.action.space() });
-        };
+        if demonstrations.is_empty() {
+            let spaces = vec![config.action.space()];
+            return Ok(Problem { encoding: Encoding::Action, spaces });
+        }
         let map = ParameterMap::new(initial, config.scales)?;
-        let theta_0 = map.encode(initial)?;
-        let space = match config.exploration.kind {
-            ExplorationKind::White => Space::white(theta_0),
-            ExplorationKind::Demonstration => {
-                let columns = directions(initial, &map, config, demonstration)?;
-                Space::along(theta_0, matrix(map.dim(), &columns))?
-            }
-        };
-        Ok(Problem { encoding: Encoding::Springs(Box::new(map)), space })
+        let mut spaces = Vec::new();
+        for demonstration in demonstrations {
+            let start = if spaces.is_empty() {
+                *initial
+            } else {
+                initial_policy(demonstration, &config.initial_policy())
+            };
+            spaces.push(space(&start, &map, config, demonstration)?);
+        }
+        Ok(Problem { encoding: Encoding::Springs(Box::new(map)), spaces })
     }
 
     /// The sealed policy of θ.
@@ -70,8 +74,25 @@ impl Problem {
 
     /// The configured search, before its first trial.
     pub fn search(&self, config: &LearnerConfig) -> Box<dyn Search> {
-        search::build(&config.search, config.seed, self.space.clone())
+        search::build_all(&config.search, config.seed, self.spaces.clone())
     }
+}
+
+/// Where the search from one demonstration begins, and along which directions it goes.
+fn space(
+    start: &PolicyMsg,
+    map: &ParameterMap,
+    config: &LearnerConfig,
+    demonstration: &Demonstration,
+) -> Result<Space, LearnerError> {
+    let theta_0 = map.encode(start)?;
+    Ok(match config.exploration.kind {
+        ExplorationKind::White => Space::white(theta_0),
+        ExplorationKind::Demonstration => {
+            let columns = directions(start, map, config, demonstration)?;
+            Space::along(theta_0, matrix(map.dim(), &columns))?
+        }
+    })
 }
 
 fn matrix(dim: usize, columns: &[DVector<f64>]) -> DMatrix<f64> {

@@ -18,12 +18,9 @@ pub struct Replayed {
 
 impl Replayed {
     /// Tells the stored trials again; every one must come out as it was proposed, bit for bit.
-    pub fn of(
-        store: &Store,
-        demonstration: Option<&Demonstration>,
-    ) -> Result<Replayed, LearnerError> {
+    pub fn of(store: &Store, demonstrations: &[Demonstration]) -> Result<Replayed, LearnerError> {
         let config = &store.meta().learner;
-        let problem = Problem::around(&store.initial_policy()?, config, demonstration)?;
+        let problem = Problem::around(&store.initial_policy()?, config, demonstrations)?;
         let trials = store.trials()?;
         let search = replay(config, &problem, &trials)?;
         Ok(Replayed { problem, search, trials })

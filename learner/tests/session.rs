@@ -37,7 +37,7 @@ fn create(directory: &Path, config: LearnerConfig) -> Learner {
         config_toml: String::new(),
         learner: config,
     };
-    Learner::create(directory, meta, Some(&demonstration())).expect("a new session")
+    Learner::create(directory, meta, &[demonstration()]).expect("a new session")
 }
 
 /// The made-up controller: the pancake rises the higher, the higher the attractors in the middle.
@@ -107,8 +107,8 @@ fn resuming_after_40_trials_equals_100_without_a_stop() {
     let mut learner = create(split.path(), config(5));
     run(&mut learner, 40);
     drop(learner);
-    let mut learner = Learner::resume(split.path(), "pancake", &config(5), Some(&demonstration()))
-        .expect("resumes");
+    let mut learner =
+        Learner::resume(split.path(), "pancake", &config(5), &[demonstration()]).expect("resumes");
     assert_eq!(learner.durable_rollout(), 40);
     run(&mut learner, 100);
 
@@ -128,7 +128,7 @@ fn a_crash_after_publishing_loses_no_rollout() {
     drop(learner);
 
     let mut learner =
-        Learner::resume(directory.path(), "pancake", &config(2), Some(&demonstration())).unwrap();
+        Learner::resume(directory.path(), "pancake", &config(2), &[demonstration()]).unwrap();
     // The controller finished the rollout meanwhile: its episode counts without asking again.
     let (header, records) = execute(&published);
     assert_eq!(learner.complete(&published, &header, &records).unwrap().rollout, 16);
@@ -136,7 +136,7 @@ fn a_crash_after_publishing_loses_no_rollout() {
     drop(learner);
 
     let mut learner =
-        Learner::resume(directory.path(), "pancake", &config(2), Some(&demonstration())).unwrap();
+        Learner::resume(directory.path(), "pancake", &config(2), &[demonstration()]).unwrap();
     let again = learner.next_policy().unwrap();
     assert_eq!(again, learner.next_policy().unwrap());
     assert_eq!(learner.store().policy(17).unwrap(), Some(again));
@@ -242,7 +242,7 @@ fn a_rollout_set_aside_is_counted_and_not_learnt_and_the_session_resumes() {
     let next = learner.next_policy().unwrap();
     drop(learner);
     let mut resumed =
-        Learner::resume(directory.path(), "pancake", &config(3), Some(&demonstration())).unwrap();
+        Learner::resume(directory.path(), "pancake", &config(3), &[demonstration()]).unwrap();
     assert_eq!(resumed.next_policy().unwrap(), next);
     let events = resumed.store().events().unwrap();
     assert!(events.iter().any(|event| event.text == "rollout 13: apex_m is NaN"));
@@ -256,7 +256,7 @@ fn resumes_only_with_its_own_task_configuration_and_history() {
     learner.next_policy().unwrap();
     drop(learner);
     let resume = |task: &str, config: &LearnerConfig| {
-        Learner::resume(directory.path(), task, config, Some(&demonstration()))
+        Learner::resume(directory.path(), task, config, &[demonstration()])
     };
     let refused = |task: &str, config: &LearnerConfig| resume(task, config).err().unwrap();
 

@@ -71,9 +71,9 @@ pub fn run(args: &LearnerArgs) -> Result<Verdict> {
 }
 
 fn open(folder: &SessionFolder, config: &Config) -> Result<Learner> {
-    let demonstration = setup::check(config)?;
+    let demonstrations = setup::check(config)?;
     let learner = if folder.database().exists() {
-        Learner::resume(folder.dir(), &config.task.name, &config.learner, demonstration.as_ref())
+        Learner::resume(folder.dir(), &config.task.name, &config.learner, &demonstrations)
     } else {
         let meta = SessionMeta {
             task: config.task.name.clone(),
@@ -82,7 +82,7 @@ fn open(folder: &SessionFolder, config: &Config) -> Result<Learner> {
             config_toml: config.to_toml()?,
             learner: config.learner.clone(),
         };
-        Learner::create(folder.dir(), meta, demonstration.as_ref())
+        Learner::create(folder.dir(), meta, &demonstrations)
     };
     learner.with_context(|| format!("session {}", folder.dir().display()))
 }

@@ -30,14 +30,10 @@ impl Found {
         let _lock = folder.lock()?;
         let config = Config::load(Some(&folder.config_path()))?;
         let name = || format!("session {}", folder.dir().display());
-        let demonstration = setup::check(&config)?;
-        let mut learner = Learner::resume(
-            folder.dir(),
-            &config.task.name,
-            &config.learner,
-            demonstration.as_ref(),
-        )
-        .with_context(name)?;
+        let demonstrations = setup::check(&config)?;
+        let mut learner =
+            Learner::resume(folder.dir(), &config.task.name, &config.learner, &demonstrations)
+                .with_context(name)?;
         let modes = learner.modes().with_context(name)?;
         let prefer = prefer.map_or(config.learner.prefer, Into::into);
         Ok(Found { learner, modes, prefer })

@@ -97,8 +97,8 @@ fn run_method(method: &Method, seed: u64) -> Result<Vec<Sample>> {
     config.learner.seed = seed;
     (method.config)(&mut config.learner);
     let bench = Bench::new(config, method.wrong_mass)?;
-    let demonstration = setup::demonstration(&bench.config)?;
-    let (successes, answer) = learn(&bench, &demonstration, method.perturbed)?;
+    let demonstrations = setup::demonstrations(&bench.config)?;
+    let (successes, answer) = learn(&bench, &demonstrations, method.perturbed)?;
 
     let judged: Result<Vec<OutcomeMsg>> = (0..N_PERTURBED)
         .map(|n| bench.rollout(&answer.0, &answer.1, &bench.perturbed(seed, JUDGING + n)))
@@ -123,11 +123,11 @@ type Answer = (Problem, DVector<f64>);
 /// Success of each rollout, and the search's answer.
 fn learn(
     bench: &Bench,
-    demonstration: &Demonstration,
+    demonstrations: &[Demonstration],
     perturbed: bool,
 ) -> Result<(Vec<bool>, Answer)> {
     let config = &bench.config.learner;
-    let problem = Problem::new(config, demonstration)?;
+    let problem = Problem::new(config, demonstrations)?;
     let mut search: Box<dyn Search> = problem.search(config);
     let mut successes = Vec::new();
     for rollout in 1..=config.rollouts {

@@ -15,7 +15,10 @@ fn config(task_dim: usize) -> LearnerConfig {
 }
 
 fn space(config: &LearnerConfig, demonstration: &Demonstration) -> Space {
-    Problem::new(config, demonstration).expect("independent directions").space
+    Problem::new(config, std::slice::from_ref(demonstration))
+        .expect("independent directions")
+        .spaces
+        .remove(0)
 }
 
 #[test]
@@ -78,10 +81,10 @@ fn each_direction_changes_what_it_says() {
 #[test]
 fn one_unit_along_a_direction_is_the_altered_demonstration() {
     let (config, pancake) = (config(4), pancake());
-    let problem = Problem::new(&config, &pancake).unwrap();
+    let problem = Problem::new(&config, std::slice::from_ref(&pancake)).unwrap();
     let altered = alterations(&pancake, &config.exploration).swap_remove(0);
     let refitted = initial_policy(&pancake.with_poses(altered), &config.initial_policy());
-    let theta = &problem.space.theta_0 + problem.space.exploration.column(0);
+    let theta = &problem.spaces[0].theta_0 + problem.spaces[0].exploration.column(0);
     let initial = initial_policy(&pancake, &config.initial_policy());
     let map = ParameterMap::new(&initial, config.scales).unwrap();
     assert!((theta - map.encode(&refitted).unwrap()).amax() < 1e-12);

@@ -20,6 +20,7 @@ pub mod random;
 pub mod regions;
 pub mod reinforce;
 pub mod rwr;
+mod several;
 mod space;
 pub mod split_merge;
 mod subspace;
@@ -79,6 +80,15 @@ pub struct SearchSnapshot {
     pub std: DVector<f64>,
     /// Standard deviation of the exploration floor Σ₀ = floor²·I.
     pub floor: f64,
+}
+
+/// The configured search from each of `spaces`, at least one; several take turns.
+pub fn build_all(config: &SearchConfig, seed: u64, mut spaces: Vec<Space>) -> Box<dyn Search> {
+    if spaces.len() == 1 {
+        return build(config, seed, spaces.remove(0));
+    }
+    let searches = spaces.into_iter().map(|space| build(config, seed, space)).collect();
+    Box::new(several::Several::new(searches))
 }
 
 /// The configured search in `space`; along directions if it has some.
