@@ -3,6 +3,7 @@
 mod cmaes;
 mod comparison;
 mod contender;
+mod cost;
 mod drift;
 mod figures;
 mod landscape;
@@ -80,6 +81,12 @@ pub const STUDIES: &[Study] = &[
         "every method with tuned settings, on landscape and skittles",
         2,
         comparison::run_seed,
+    ),
+    table_of(
+        "cost",
+        "what an update costs, by trials, components and parameters",
+        1,
+        cost::run_seed,
     ),
     table_of("tune", "the settings drawn for each method of the comparison", 1, tune::run_seed),
     table_of("niching", "all optima of the CEC 2013 functions F1 to F10", 2, niching::run_seed),

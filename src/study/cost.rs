@@ -1,0 +1,95 @@
+//! What an update costs: one step of Eq. (7) by trials, components and parameters, and the updates of
+//! whole searches. Wall-clock times: run it with `--threads 1` on a quiet machine.
+
+use std::time::Instant;
+
+use anyhow::Result;
+use learner::search::gaussian::Gaussian;
+use learner::search::mixture::{About, Component, EmStep, Mixture};
+use learner::search::normals::{standard_normal, stream};
+use learner::search::{Method, SearchConfig, Space, build};
+use learner::trial::Trial;
+use nalgebra::{DMatrix, DVector};
+use rand_chacha::ChaCha8Rng;
+
+use super::Sample;
+
+/// Trials, components, parameters: the reference, then one of them changed at a time.
+const CASES: [(u64, usize, usize); 8] = [
+    (200, 10, 2),
+    (400, 10, 2),
+    (200, 20, 2),
+    (200, 10, 8),
+    (200, 10, 32),
+    (200, 10, 112),
+    (400, 10, 112),
+    (200, 5, 112),
+];
+const REPETITIONS: usize = 9;
+/// Trials of a long session.
+const LONG: u64 = 10_000;
+
+pub fn run_seed(seed: u64) -> Result<Vec<Sample>> {
+    let mut samples = Vec::new();
+    for (n, k, dim) in CASES {
+        let metric = format!("D = {dim}, K = {k}, {n} trials, ms");
+        samples.push(Sample::median("one step of Eq. (7)", &metric, em_step(seed, n, k, dim)));
+    }
+    for (name, method) in [("tempered", Method::Tempered), ("power", Method::Power)] {
+        for dim in [2, 8] {
+            let (median, worst) = session(seed, method, dim);
+            let metric = |what: &str| format!("D = {dim}, {what} of {LONG} updates, ms");
+            samples.push(Sample::median(name, &metric("median"), median));
+            samples.push(Sample::median(name, &metric("worst"), worst));
+        }
+    }
+    Ok(samples)
+}
+
+/// Median time of a step, all trials as elites, ms.
+fn em_step(seed: u64, n: u64, k: usize, dim: usize) -> f64 {
+    let mut rng = stream(seed, 1);
+    let mut point = |spread: f64| normal(&mut rng, dim) * spread;
+    let components = (0..k).map(|_| {
+        let gaussian = Gaussian::isotropic(point(3.0), 1.0);
+        Component { prior: 1.0 / k as f64, gaussian }
+    });
+    let mixture = Mixture { components: components.collect() };
+    let trials: Vec<Trial> = (1..=n)
+        .map(|rollout| Trial { rollout, theta: point(3.0), reward: 1.0, success: false })
+        .collect();
+    let step =
+        EmStep { n_elites: 0, sigma_0: DMatrix::identity(dim, dim) * 0.1, about: About::OldMean };
+    let times = (0..REPETITIONS).map(|_| {
+        let start = Instant::now();
+        std::hint::black_box(mixture.em_step(&trials, &step));
+        start.elapsed().as_secs_f64() * 1e3
+    });
+    median(times.collect())
+}
+
+/// Median and worst time of telling one trial in a long session on a hill, ms.
+fn session(seed: u64, method: Method, dim: usize) -> (f64, f64) {
+    let config = SearchConfig { method, ..SearchConfig::default() };
+    let mut search = build(&config, seed, Space::white(DVector::repeat(dim, 2.0)));
+    let mut times = Vec::new();
+    for rollout in 1..=LONG {
+        let theta = search.ask(rollout).theta;
+        let reward = (-0.5 * theta.norm_squared()).exp();
+        let trial = Trial { rollout, theta, reward, success: false };
+        let start = Instant::now();
+        search.tell(&trial);
+        times.push(start.elapsed().as_secs_f64() * 1e3);
+    }
+    let worst = times.iter().copied().fold(0.0, f64::max);
+    (median(times), worst)
+}
+
+fn median(mut times: Vec<f64>) -> f64 {
+    times.sort_by(f64::total_cmp);
+    times[times.len() / 2]
+}
+
+fn normal(rng: &mut ChaCha8Rng, dim: usize) -> DVector<f64> {
+    DVector::from_fn(dim, |_, _| standard_normal(rng))
+}
