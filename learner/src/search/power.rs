@@ -80,14 +80,14 @@ impl Default for PowerConfig {
         PowerConfig {
             n_elites: 10,
             elites: Elites::Successes,
-            min_successes: 5,
+            min_successes: 4,
             weights: Weights::Rank,
             scatter: Scatter::New,
             memory: 0,
             n_initial: 15,
             initial_std: 1.0,
             floor_std: 0.5,
-            floor_decay: 0.95,
+            floor_decay: 0.9,
             floor_min: 0.1,
         }
     }
