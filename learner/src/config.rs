@@ -157,7 +157,7 @@ mod tests {
     #[test]
     fn refuses_each_bad_value_and_names_it() {
         type Break = fn(&mut LearnerConfig);
-        let breaks: [(&str, Break); 18] = [
+        let breaks: [(&str, Break); 19] = [
             ("learner.task_dim is 5: use 3", |c| c.task_dim = 5),
             ("learner.rollouts is 0: use 1 to 100000", |c| c.rollouts = 0),
             ("learner.n_components is 17: use 1 to 16", |c| c.n_components = 17),
@@ -170,6 +170,9 @@ mod tests {
             ("learner.search.power.n_elites is 0", |c| c.search.power.n_elites = 0),
             ("learner.search.power.n_initial", |c| c.search.power.n_initial = 20_000),
             ("learner.search.power.initial_std", |c| c.search.power.initial_std = -0.5),
+            ("learner.search.regions.connected is 0: use 0.05 to 1", |c| {
+                c.search.regions.connected = 0.0
+            }),
             ("learner.search.power.floor_decay is 1.1", |c| c.search.power.floor_decay = 1.1),
             ("learner.search.power.floor_min is 0.6: use 0 to 0.5", |c| {
                 c.search.power.floor_min = 0.6

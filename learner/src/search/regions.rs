@@ -156,7 +156,7 @@ impl Regions {
         let point = self.points.last().expect("a trial was told");
         let distance = |region: usize| {
             let members = self.regions[region].members.iter();
-            members.map(|&t| (&self.points[t] - point).norm()).fold(f64::INFINITY, f64::min)
+            members.map(|&t| self.points[t].metric_distance(point)).fold(f64::INFINITY, f64::min)
         };
         let [a, b] = regions;
         if distance(a) <= distance(b) { a } else { b }

@@ -21,15 +21,17 @@ pub fn of_good_trials(
 
 /// Index of the centre nearest to `point`; the first of equals.
 pub fn nearest(centres: &[DVector<f64>], point: &DVector<f64>) -> usize {
-    let squared = |i: &usize| (&centres[*i] - point).norm_squared();
-    (0..centres.len()).min_by(|a, b| squared(a).total_cmp(&squared(b))).expect("there are centres")
+    let distance = |i: &usize| centres[*i].metric_distance(point);
+    (0..centres.len())
+        .min_by(|a, b| distance(a).total_cmp(&distance(b)))
+        .expect("there are centres")
 }
 
 /// The first point, and again and again the one farthest from those taken.
 pub fn farthest_first(points: &[DVector<f64>], n: usize) -> Vec<DVector<f64>> {
     let mut taken = vec![points[0].clone()];
     while taken.len() < n.min(points.len()) {
-        let gap = |point: &&DVector<f64>| (*point - &taken[nearest(&taken, point)]).norm();
+        let gap = |point: &&DVector<f64>| point.metric_distance(&taken[nearest(&taken, point)]);
         let next = points.iter().max_by(|a, b| gap(a).total_cmp(&gap(b))).expect("not empty");
         taken.push(next.clone());
     }

@@ -80,9 +80,9 @@ impl Map {
 
     /// The place nearest to `point`.
     pub fn nearest(&self, point: &DVector<f64>) -> usize {
-        let squared = |place: &usize| (&self.places[*place] - point).norm_squared();
+        let distance = |place: &usize| self.places[*place].metric_distance(point);
         (0..self.places.len())
-            .min_by(|a, b| squared(a).total_cmp(&squared(b)))
+            .min_by(|a, b| distance(a).total_cmp(&distance(b)))
             .expect("a map has places")
     }
 
@@ -114,8 +114,9 @@ impl Map {
 
 /// Indices of the nearest places, `place` itself aside.
 fn nearest(places: &[DVector<f64>], place: &DVector<f64>) -> Vec<usize> {
+    let distance = |other: &DVector<f64>| other.metric_distance(place);
     let mut others: Vec<(f64, usize)> =
-        places.iter().enumerate().map(|(i, other)| ((other - place).norm_squared(), i)).collect();
+        places.iter().enumerate().map(|(i, other)| (distance(other), i)).collect();
     others.select_nth_unstable_by(N_NEIGHBOURS, |a, b| a.0.total_cmp(&b.0));
     others.truncate(N_NEIGHBOURS + 1);
     others.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));

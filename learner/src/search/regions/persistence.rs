@@ -1,6 +1,6 @@
 //! Counts peaks by persistence: how far one must descend to reach a higher one.
 
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 
 /// Trial → the trial that is the peak of its region; `points` in fractions of the box.
 ///
@@ -38,12 +38,12 @@ fn root(parent: &[usize], mut trial: usize) -> usize {
 /// Joins points when the ball that has their distance as its diameter holds no other: nothing was
 /// tried between them. It has no parameter and is connected. O(n³).
 fn gabriel_graph(points: &[DVector<f64>]) -> Vec<Vec<usize>> {
-    let squared = |a: usize, b: usize| (&points[a] - &points[b]).norm_squared();
     let n = points.len();
+    let squared = DMatrix::from_fn(n, n, |a, b| points[a].metric_distance(&points[b]).powi(2));
     let mut neighbours = vec![Vec::new(); n];
     for a in 0..n {
         for b in 0..a {
-            if (0..n).all(|c| squared(a, c) + squared(b, c) >= squared(a, b)) {
+            if (0..n).all(|c| squared[(a, c)] + squared[(b, c)] >= squared[(a, b)]) {
                 neighbours[a].push(b);
                 neighbours[b].push(a);
             }
