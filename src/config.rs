@@ -282,48 +282,4 @@ fn overlay(base: &mut toml::Table, over: toml::Table) {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_is_written_reads_back() {
-        let config = Config::default();
-        assert_eq!(toml::from_str::<Config>(&config.to_toml().unwrap()).unwrap(), config);
-        config.validate().unwrap();
-    }
-
-    #[test]
-    fn misspelt_keys_are_refused_by_name_and_line() {
-        let error = toml::from_str::<Config>("[learner]\nseed = 1\nrolouts = 5\n").unwrap_err();
-        let message = error.to_string();
-        assert!(message.contains("line 3") && message.contains("rolouts"), "{message}");
-        assert!(message.contains("`rollouts`"), "the message lists what is known: {message}");
-    }
-
-    #[test]
-    fn what_a_file_does_not_say_are_the_defaults_of_its_task() {
-        let config = parse("[task]\nname = \"landscape\"\n[learner]\nseed = 7\n").unwrap();
-        let expected = Config::of_task("landscape");
-        let learner = LearnerConfig { seed: 7, ..expected.learner.clone() };
-        assert_eq!(config, Config { learner, ..expected });
-    }
-
-    #[test]
-    fn every_task_has_valid_defaults() {
-        for name in ["pancake", "landscape", "skittles"] {
-            Config::of_task(name).validate().unwrap();
-        }
-        let mut config = Config::of_task("landscape");
-        config.learner.action.start.clear();
-        let message = format!("{:#}", config.validate().unwrap_err());
-        assert!(message.contains("the task landscape takes 2"), "{message}");
-    }
-
-    #[test]
-    fn ranges_name_the_field() {
-        let mut config = Config::default();
-        config.plant.friction = -0.1;
-        let message = format!("{:#}", config.validate().unwrap_err());
-        assert!(message.contains("plant.friction is -0.1"), "{message}");
-    }
-}
+mod tests;

@@ -25,7 +25,8 @@ const BEAT: Duration = Duration::from_millis(100);
 const HOUSEKEEPING: Duration = Duration::from_secs(1);
 /// A controller whose heartbeat is older than this is silent.
 const SILENT: Duration = Duration::from_secs(2);
-/// Unusable episodes of one rollout after which it is set aside.
+/// Unusable episodes of one rollout after which it is set aside, or, when it was not executed at
+/// all, the session ends.
 const ATTEMPTS: u32 = 3;
 /// Rollouts set aside in a row after which the session ends: the fault lies elsewhere.
 const SET_ASIDE: u32 = 3;
@@ -64,6 +65,11 @@ pub enum End {
 pub enum SessionError {
     #[error(transparent)]
     Learner(#[from] LearnerError),
+    #[error(
+        "rollout {rollout} was not executed in {attempts} attempts: {reason}; everything before it \
+         is saved"
+    )]
+    NotExecuted { rollout: u64, attempts: u32, reason: String },
     #[error(
         "{rollouts} rollouts in a row, up to {last}, gave no usable episode: {reason}; everything \
          is saved, mend the controller and resume"
@@ -162,8 +168,12 @@ impl<'a> Link<'a> {
                         | CompleteError::NotExecuted { .. }
                         | CompleteError::Tell(_)),
                     ) => {
+                        let was_executed = !matches!(unusable, CompleteError::NotExecuted { .. });
                         attempts += 1;
                         let (rollout, reason) = (policy.rollout, unusable.to_string());
+                        if attempts == ATTEMPTS && !was_executed {
+                            return Err(SessionError::NotExecuted { rollout, attempts, reason });
+                        }
                         if attempts == ATTEMPTS {
                             return self.set_aside(learner, rollout, reason, on_event).map(Some);
                         }
