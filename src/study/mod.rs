@@ -73,13 +73,13 @@ pub const STUDIES: &[Study] = &[
         1,
         pancake::run_seed,
     ),
-    table_of("landscape", "the mixtures on the landscape, without a box", 1, landscape::run_seed),
-    table_of("drift", "a landscape that changes, with and without forgetting", 1, drift::run_seed),
-    table_of("literal", "Algorithm 1 as printed, on the landscape", 1, literal::run_seed),
+    table_of("landscape", "the mixtures on the landscape, without a box", 2, landscape::run_seed),
+    table_of("drift", "a landscape that changes, with and without forgetting", 2, drift::run_seed),
+    table_of("literal", "Algorithm 1 as printed, on the landscape", 2, literal::run_seed),
     table_of(
         "comparison",
         "every method with tuned settings, on landscape and skittles",
-        2,
+        3,
         comparison::run_seed,
     ),
     table_of(

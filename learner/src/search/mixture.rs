@@ -81,25 +81,39 @@ impl Mixture {
     /// any share in the rewards, at prior 0.
     pub fn em_step(&self, trials: &[Trial], step: &EmStep) -> Mixture {
         let Some(rewards) = relative_rewards(trials) else { return self.clone() };
-        let shares: Vec<Vec<f64>> = trials
-            .iter()
-            .zip(&rewards)
-            .map(|(trial, r)| self.responsibilities(&trial.theta).iter().map(|h| r * h).collect())
-            .collect();
-        let update = |(i, component): (usize, &Component)| {
-            let mut elites: Vec<(&DVector<f64>, f64)> =
-                trials.iter().zip(&shares).map(|(trial, share)| (&trial.theta, share[i])).collect();
-            // A stable sort: equal shares stay in the order of their trials.
-            elites.sort_by(|a, b| b.1.total_cmp(&a.1));
-            if step.n_elites > 0 {
+        let thetas = columns(trials);
+        let shares = self.shares(&thetas, &rewards);
+        let update = |(component, shares): (&Component, Vec<f64>)| {
+            let mut elites: Vec<(usize, f64)> = shares.into_iter().enumerate().collect();
+            if (1..elites.len()).contains(&step.n_elites) {
+                // A stable sort: equal shares stay in the order of their trials.
+                elites.sort_by(|a, b| b.1.total_cmp(&a.1));
                 elites.truncate(step.n_elites);
             }
-            m_step(component, &elites, step)
+            m_step(component, &thetas, &elites, step)
         };
         let mut components: Vec<Component> =
-            self.components.iter().enumerate().map(update).collect();
+            self.components.iter().zip(shares).map(update).collect();
         normalise(&mut components);
         Mixture { components }
+    }
+
+    /// r·hᵢ of every trial, a list a component. The same as
+    /// [`responsibilities`](Self::responsibilities), for all trials at once.
+    fn shares(&self, thetas: &DMatrix<f64>, rewards: &[f64]) -> Vec<Vec<f64>> {
+        let log_joint = |Component { prior, gaussian }: &Component| -> Vec<f64> {
+            let constant = prior.ln() + gaussian.log_normaliser();
+            let distances = gaussian.squared_distances(thetas).into_iter();
+            distances.map(|distance| constant - 0.5 * distance).collect()
+        };
+        let mut shares: Vec<Vec<f64>> = self.components.iter().map(log_joint).collect();
+        let mut joint = vec![0.0; shares.len()];
+        for (m, reward) in rewards.iter().enumerate() {
+            joint.iter_mut().zip(&shares).for_each(|(joint, shares)| *joint = shares[m]);
+            let density = log_sum_exp(&joint);
+            shares.iter_mut().for_each(|shares| shares[m] = reward * (shares[m] - density).exp());
+        }
+        shares
     }
 
     /// *randomSampling* of Algorithm 1: the first component with u < π₁ + … + πᵢ, and μᵢ + Lᵢ z.
@@ -171,27 +185,41 @@ fn relative_rewards(trials: &[Trial]) -> Option<Vec<f64>> {
     (best > 0.0).then(|| trials.iter().map(|trial| trial.reward / best).collect())
 }
 
-/// μᵢ, Σᵢ and the mass Σ r·hᵢ of Eq. (7) from the elites (θ, r·hᵢ); the mass takes the place of
-/// the prior.
-fn m_step(old: &Component, elites: &[(&DVector<f64>, f64)], step: &EmStep) -> Component {
+/// The θ of the trials as the columns of a D×n matrix.
+fn columns(trials: &[Trial]) -> DMatrix<f64> {
+    let thetas: Vec<DVector<f64>> = trials.iter().map(|trial| trial.theta.clone()).collect();
+    DMatrix::from_columns(&thetas)
+}
+
+/// μᵢ, Σᵢ and the mass Σ r·hᵢ of Eq. (7) from the elites (column of `thetas`, r·hᵢ); the mass takes
+/// the place of the prior.
+fn m_step(
+    old: &Component,
+    thetas: &DMatrix<f64>,
+    elites: &[(usize, f64)],
+    step: &EmStep,
+) -> Component {
     let mass: f64 = elites.iter().map(|(_, share)| share).sum();
     if mass < f64::MIN_POSITIVE {
         return Component { prior: 0.0, gaussian: old.gaussian.clone() };
     }
     let old_mean = old.gaussian.mean();
     let mut mean = old_mean.clone();
-    for (theta, share) in elites {
-        mean += (*theta - old_mean) * (share / mass);
+    for (m, share) in elites {
+        mean += (thetas.column(*m) - old_mean) * (share / mass);
     }
     let about = match step.about {
         About::OldMean => old_mean,
         About::NewMean => &mean,
     };
-    let mut covariance = step.sigma_0.clone();
-    for (theta, share) in elites {
-        let deviation = *theta - about;
-        covariance.ger(share / mass, &deviation, &deviation, 1.0);
+    // Σ (r·hᵢ/mass)[θ − μ][θ − μ]ᵀ as one product X·Xᵀ.
+    let mut x = DMatrix::zeros(about.len(), elites.len());
+    for (mut column, (m, share)) in x.column_iter_mut().zip(elites) {
+        column.copy_from(&((thetas.column(*m) - about) * (share / mass).sqrt()));
     }
+    let mut covariance = step.sigma_0.clone();
+    covariance.gemm(1.0, &x, &x.transpose(), 1.0);
+    covariance.fill_upper_triangle_with_lower_triangle();
     Component { prior: mass, gaussian: Gaussian::new(mean, covariance) }
 }
 
