@@ -204,21 +204,19 @@ fn m_step(
         return Component { prior: 0.0, gaussian: old.gaussian.clone() };
     }
     let old_mean = old.gaussian.mean();
-    let mut mean = old_mean.clone();
-    for (m, share) in elites {
-        mean += (thetas.column(*m) - old_mean) * (share / mass);
+    let deviation = |row: usize, m: usize| thetas[(row, elites[m].0)] - old_mean[row];
+    let mut deviations = DMatrix::from_fn(old_mean.len(), elites.len(), deviation);
+    let weights = DVector::from_fn(elites.len(), |m, _| elites[m].1 / mass);
+    let shift = &deviations * &weights;
+    if step.about == About::NewMean {
+        deviations.column_iter_mut().for_each(|mut column| column -= &shift);
     }
-    let about = match step.about {
-        About::OldMean => old_mean,
-        About::NewMean => &mean,
-    };
-    // Σ (r·hᵢ/mass)[θ − μ][θ − μ]ᵀ as one product X·Xᵀ.
-    let mut x = DMatrix::zeros(about.len(), elites.len());
-    for (mut column, (m, share)) in x.column_iter_mut().zip(elites) {
-        column.copy_from(&((thetas.column(*m) - about) * (share / mass).sqrt()));
-    }
+    let mean = old_mean + shift;
+    // Σ wₘ[θₘ − μ][θₘ − μ]ᵀ as one product X·Xᵀ.
+    let columns = deviations.column_iter_mut().zip(weights.iter());
+    columns.for_each(|(mut column, weight)| column *= weight.sqrt());
     let mut covariance = step.sigma_0.clone();
-    covariance.gemm(1.0, &x, &x.transpose(), 1.0);
+    covariance.gemm(1.0, &deviations, &deviations.transpose(), 1.0);
     covariance.fill_upper_triangle_with_lower_triangle();
     Component { prior: mass, gaussian: Gaussian::new(mean, covariance) }
 }

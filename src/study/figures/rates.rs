@@ -7,8 +7,8 @@ use crate::study::{Row, Table};
 
 const LINE: f64 = 24.0;
 const TOP: f64 = 34.0;
-/// Where the scale begins: the names of the methods stand before it.
-const LEFT: f64 = 118.0;
+/// Mean width of a character of a method's name.
+const CHARACTER: f64 = 6.9;
 const RIGHT: f64 = 46.0;
 
 /// Every metric of `table`, in its order.
@@ -41,14 +41,17 @@ fn metric_panel(metric: &str, rows: &[&Row]) -> Panel {
     let height = TOP + LINE * rows.len() as f64 + 8.0;
     let mut panel = Panel::new(THIRD, height, format!("{metric}, by method"));
     panel.text((2.0, 15.0), Anchor::Start, "text", metric);
+    // The scale begins behind the longest name.
+    let longest = rows.iter().map(|row| row.method.chars().count()).max().unwrap_or(0);
+    let left = (14.0 + CHARACTER * longest as f64).min(0.65 * THIRD);
     let highest = rows.iter().filter_map(|row| row.high95.or(row.value)).fold(0.0, f64::max);
-    let scale = |value: f64| LEFT + value.max(0.0) / highest.max(1e-12) * (THIRD - LEFT - RIGHT);
+    let scale = |value: f64| left + value.max(0.0) / highest.max(1e-12) * (THIRD - left - RIGHT);
     for (i, row) in rows.iter().enumerate() {
         let y = TOP + LINE * (i as f64 + 0.5);
-        panel.line((LEFT, y), (THIRD - RIGHT, y), "grid");
-        panel.text((LEFT - 8.0, y + 4.5), Anchor::End, "tick", &row.method);
+        panel.line((left, y), (THIRD - RIGHT, y), "grid");
+        panel.text((left - 8.0, y + 4.5), Anchor::End, "tick", &row.method);
         let Some(value) = row.value else {
-            panel.text((LEFT, y + 4.5), Anchor::Start, "tick", "never");
+            panel.text((left, y + 4.5), Anchor::Start, "tick", "never");
             continue;
         };
         if let (Some(low), Some(high)) = (row.low95, row.high95) {
