@@ -30,7 +30,7 @@ fn what_config_prints_is_a_configuration() {
     assert_eq!(bench.ok(&["config", "--config", path.to_str().unwrap()]), printed);
 }
 
-/// Every `path/like/this.rs` in a document exists.
+/// Every `path/like/this.rs` in a document exists, seen from the root or, as in links, from it.
 #[test]
 fn files_named_in_documents_exist() {
     let mut named = 0;
@@ -42,7 +42,9 @@ fn files_named_in_documents_exist() {
                 .iter()
                 .any(|extension| word.ends_with(&format!(".{extension}")));
             if is_path && is_file && !word.starts_with("session") {
-                assert!(root().join(word).exists(), "{document} names {word}");
+                let folder = root().join(document).parent().unwrap().to_path_buf();
+                let exists = root().join(word).exists() || folder.join(word).exists();
+                assert!(exists, "{document} names {word}");
                 named += 1;
             }
         }
