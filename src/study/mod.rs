@@ -96,7 +96,7 @@ pub const STUDIES: &[Study] = &[
         1,
         peaks::run_default_seed,
     ),
-    table_of("peaks", "what counts the peaks of a known box best", 1, peaks::run_seed),
+    table_of("peaks", "what counts the peaks of a known box best", 2, peaks::run_seed),
     figure_of("fig5", "several optima and what a gradient finds", fig5::figure),
     figure_of("fig6", "splitting a Gaussian, Eq. (9)", |_| fig6::figure()),
     figure_of("fig7", "a run on the landscape", fig7::figure),

@@ -17,6 +17,9 @@ const ESTIMATORS: [(&str, Estimator); 3] = [
 ];
 const TASKS: [Task; 4] =
     [Task::LandscapeBox, Task::Skittles(0), Task::Skittles(1), Task::Skittles(2)];
+/// The default counts too many peaks, as bridges join them. Without bridges this is best of 0.2 to
+/// 0.5, on seeds 0 to 39.
+const PERSISTENCE_ALONE: f64 = 0.25;
 /// A reward of this share of the highest is a solution.
 const GOOD: f64 = 0.9;
 
@@ -24,8 +27,9 @@ pub fn run_seed(seed: u64) -> Result<Vec<Sample>> {
     let mut samples = Vec::new();
     for task in TASKS {
         for (name, estimator) in ESTIMATORS {
-            for (between, n_bridges) in [("", RegionsConfig::default().n_bridges), (" alone", 0)] {
-                let regions = RegionsConfig { estimator, n_bridges, ..RegionsConfig::default() };
+            let bridged = RegionsConfig { estimator, ..RegionsConfig::default() };
+            let alone = RegionsConfig { n_bridges: 0, persistence: PERSISTENCE_ALONE, ..bridged };
+            for (between, regions) in [("", bridged), (" alone", alone)] {
                 let method = format!("{}, {name}{between}", task.name());
                 samples.extend(run(task, &method, regions, seed));
             }
