@@ -10,6 +10,7 @@ use physics::skittles::TARGETS;
 
 use super::contender::{self, CONTENDERS};
 use super::landscape::{N_TRIALS, START, point};
+use super::runs::{self, best_reward, late_reward};
 use super::skittles::{self, Regions};
 use super::{Sample, tuned};
 
@@ -67,13 +68,7 @@ impl Task {
 
     /// The search's trials.
     pub fn run(self, search: &mut dyn Search) -> Vec<Trial> {
-        let trial = |rollout| {
-            let theta = search.ask(rollout).theta;
-            let trial = Trial { rollout, reward: self.reward(&theta), theta, success: false };
-            search.tell(&trial);
-            trial
-        };
-        (1..=N_TRIALS).map(trial).collect()
+        runs::trials(search, N_TRIALS, |_, theta| self.reward(theta), |_| {})
     }
 
     /// The first answer of a search, with its height.
@@ -86,11 +81,7 @@ impl Task {
     /// Share of the true regions in which an answer lies.
     fn share_of_regions(index: usize, search: &dyn Search) -> f64 {
         let regions = Regions::of(index);
-        let mut found: Vec<usize> =
-            search.modes().iter().filter_map(|mode| regions.at(&mode.mean)).collect();
-        found.sort_unstable();
-        found.dedup();
-        found.len() as f64 / regions.n as f64
+        regions.answered(&search.modes()) as f64 / regions.n as f64
     }
 
     /// What settings are tuned by: on the landscape the rates of a best trial and of an answer of
@@ -99,16 +90,15 @@ impl Task {
         if let Task::Skittles(index) = self {
             return Task::share_of_regions(index, search);
         }
-        let best = f64::from(best(trials) >= 0.9 * landscape::PEAK_VALUE);
+        let best = f64::from(best_reward(trials) >= 0.9 * landscape::PEAK_VALUE);
         let answer = f64::from(self.answer(search).1 >= 0.9 * landscape::PEAK_VALUE);
         0.5 * (best + answer)
     }
 
     fn samples(self, method: &str, trials: &[Trial], search: &dyn Search) -> Vec<Sample> {
         let metric = |name: &str| format!("{}: {name}", self.name());
-        let last = &trials[trials.len() - 20..];
-        let last = last.iter().map(|trial| trial.reward).sum::<f64>() / last.len() as f64;
-        let last = Sample::mean(method, &metric("reward of last 20"), last);
+        let late = late_reward(trials);
+        let last = Sample::mean(method, &metric("reward of last 20"), late);
         let n_answers = search.modes().len() as f64;
         if let Task::Skittles(index) = self {
             let share = Task::share_of_regions(index, search);
@@ -124,17 +114,13 @@ impl Task {
         let (answer, height) = self.answer(search);
         let near = super::landscape::near(&point(&answer), landscape::PEAK);
         vec![
-            Sample::rate(method, &metric("best >= 0.9"), high(best(trials))),
+            Sample::rate(method, &metric("best >= 0.9"), high(best_reward(trials))),
             Sample::rate(method, &metric("answer >= 0.9"), high(height)),
             Sample::rate(method, &metric("answer near peak"), near),
             Sample::mean(method, &metric("answers"), n_answers),
             last,
         ]
     }
-}
-
-fn best(trials: &[Trial]) -> f64 {
-    trials.iter().map(|trial| trial.reward).fold(0.0, f64::max)
 }
 
 pub fn run_seed(seed: u64) -> Result<Vec<Sample>> {

@@ -4,6 +4,7 @@ use anyhow::Result;
 use learner::search::Search;
 use learner::search::algorithm1::{Algorithm1, Algorithm1Config};
 use learner::search::tempered::{Tempered, TemperedConfig};
+use learner::trial::Trial;
 use nalgebra::Vector2;
 use physics::landscape::{PEAK, PEAK_VALUE, height};
 
@@ -32,10 +33,12 @@ pub fn run_seed(seed: u64) -> Result<Vec<Sample>> {
     for (method, mut search) in searches {
         let reward = |rollout, theta: &Vector2<f64>| height(&(theta - moved(rollout)));
         let result = run(&mut *search, N_TRIALS, reward, |_| {});
-        let mean =
-            |rewards: &[f64]| rewards.iter().sum::<f64>() / (rewards.len() as f64 * PEAK_VALUE);
-        let before = &result.rewards[MOVES_AFTER as usize - 20..MOVES_AFTER as usize];
-        let after = &result.rewards[SETTLED..];
+        let mean = |trials: &[Trial]| {
+            let sum: f64 = trials.iter().map(|trial| trial.reward).sum();
+            sum / (trials.len() as f64 * PEAK_VALUE)
+        };
+        let before = &result.trials[MOVES_AFTER as usize - 20..MOVES_AFTER as usize];
+        let after = &result.trials[SETTLED..];
         let centre = point(&result.modes[0].mean) - Vector2::from(SHIFT);
         samples.push(Sample::mean(method, "reward of 181-200", mean(before)));
         samples.push(Sample::mean(method, "reward of 301-400", mean(after)));

@@ -9,6 +9,7 @@ use nalgebra::{DVector, Vector2};
 use physics::landscape::{PEAK, PEAK_VALUE, height};
 
 use super::Sample;
+use super::runs::{self, best_reward, late_reward};
 
 /// Trials of the paper's run.
 pub const N_TRIALS: u64 = 200;
@@ -61,7 +62,7 @@ pub fn space() -> Space {
 
 /// One run of a search.
 pub struct Run {
-    pub rewards: Vec<f64>,
+    pub trials: Vec<Trial>,
     /// K after each trial.
     pub n_modes: Vec<usize>,
     /// Where the search ended.
@@ -76,32 +77,27 @@ pub fn run<S: Search + ?Sized>(
     reward: impl Fn(u64, &Vector2<f64>) -> f64,
     mut observe: impl FnMut(&S),
 ) -> Run {
-    let (mut rewards, mut n_modes) = (Vec::new(), Vec::new());
-    for rollout in 1..=n_trials {
-        let theta = search.ask(rollout).theta;
-        let reward = reward(rollout, &point(&theta));
-        search.tell(&Trial { rollout, theta, reward, success: false });
-        rewards.push(reward);
+    let mut n_modes = Vec::new();
+    let reward = |rollout, theta: &DVector<f64>| reward(rollout, &point(theta));
+    let trials = runs::trials(search, n_trials, reward, |search| {
         n_modes.push(search.modes().len());
         observe(search);
-    }
-    Run { rewards, n_modes, modes: search.modes() }
+    });
+    Run { trials, n_modes, modes: search.modes() }
 }
 
 /// The numbers every method is compared by.
-pub fn samples(method: &str, Run { rewards, n_modes, modes }: &Run) -> Vec<Sample> {
+pub fn samples(method: &str, Run { trials, n_modes, modes }: &Run) -> Vec<Sample> {
     let centre = point(&modes[0].mean);
     let at_peak = near(&centre, PEAK);
-    let best = rewards.iter().copied().fold(0.0, f64::max);
-    let last = &rewards[rewards.len() - 20..];
     let mean_k = n_modes.iter().sum::<usize>() as f64 / n_modes.len() as f64;
     vec![
         Sample::rate(method, "dominant at peak", at_peak),
         Sample::rate(method, "K=1 at peak", at_peak && modes.len() == 1),
         Sample::rate(method, "greedy >= 0.9", height(&centre) >= GOOD * PEAK_VALUE),
-        Sample::rate(method, "best >= 0.9", best >= GOOD * PEAK_VALUE),
+        Sample::rate(method, "best >= 0.9", best_reward(trials) >= GOOD * PEAK_VALUE),
         Sample::mean(method, "mean K", mean_k),
-        Sample::mean(method, "reward of last 20", last.iter().sum::<f64>() / last.len() as f64),
+        Sample::mean(method, "reward of last 20", late_reward(trials)),
     ]
 }
 

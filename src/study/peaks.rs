@@ -8,6 +8,7 @@ use physics::landscape::PEAK_VALUE;
 
 use super::Sample;
 use super::comparison::Task;
+use super::runs::{best_reward, late_reward};
 use super::skittles::Regions;
 
 const ESTIMATORS: [(&str, Estimator); 3] = [
@@ -49,15 +50,12 @@ fn run(task: Task, method: &str, regions: RegionsConfig, seed: u64) -> Vec<Sampl
     let mut search = build(&config, seed, task.space());
     let trials = task.run(search.as_mut());
     let (modes, highest) = (search.modes(), highest(task));
-    let best = trials.iter().map(|trial| trial.reward).fold(0.0, f64::max);
-    let last = &trials[trials.len() - 20..];
-    let mean = last.iter().map(|trial| trial.reward).sum::<f64>() / last.len() as f64;
     let (n_regions, covered) = covered(task, &modes);
     vec![
         Sample::rate(method, "right K", modes.len() == n_regions),
         Sample::rate(method, "right K, all covered", modes.len() == n_regions && covered),
-        Sample::rate(method, "best >= 0.9", best >= GOOD * highest),
-        Sample::mean(method, "reward of last 20", mean),
+        Sample::rate(method, "best >= 0.9", best_reward(&trials) >= GOOD * highest),
+        Sample::mean(method, "reward of last 20", late_reward(&trials)),
     ]
 }
 
@@ -72,10 +70,7 @@ fn covered(task: Task, modes: &[Mode]) -> (usize, bool) {
     match task {
         Task::Skittles(index) => {
             let regions = Regions::of(index);
-            let mut found: Vec<usize> = solutions.filter_map(|m| regions.at(&m.mean)).collect();
-            found.sort_unstable();
-            found.dedup();
-            (regions.n, found.len() == regions.n)
+            (regions.n, regions.answered(solutions) == regions.n)
         }
         // Only the peak is that high.
         _ => (1, solutions.count() > 0),

@@ -1,11 +1,43 @@
-//! A whole run of a search in this process, with what it had found after each trial.
+//! Whole runs of a search in this process: the one loop of ask and tell all studies share.
 
 use anyhow::Result;
-use learner::search::{Method, Mode, SearchConfig, Space, build};
+use learner::search::{Method, Mode, Search, SearchConfig, Space, build};
 use learner::trial::Trial;
 use nalgebra::DVector;
 
 use super::comparison::Task;
+
+/// Trials at the end of a run that show what the search has come to.
+const LATE: usize = 20;
+
+/// `n` trials of `search`; `reward` takes the number of the trial and θ, `observe` sees the search
+/// after each trial.
+pub fn trials<S: Search + ?Sized>(
+    search: &mut S,
+    n: u64,
+    reward: impl Fn(u64, &DVector<f64>) -> f64,
+    mut observe: impl FnMut(&S),
+) -> Vec<Trial> {
+    let trial = |rollout| {
+        let theta = search.ask(rollout).theta;
+        let trial = Trial { rollout, reward: reward(rollout, &theta), theta, success: false };
+        search.tell(&trial);
+        observe(search);
+        trial
+    };
+    (1..=n).map(trial).collect()
+}
+
+/// Mean reward of the last 20 trials.
+pub fn late_reward(trials: &[Trial]) -> f64 {
+    let late = &trials[trials.len() - LATE..];
+    late.iter().map(|trial| trial.reward).sum::<f64>() / late.len() as f64
+}
+
+/// The highest reward of a trial.
+pub fn best_reward(trials: &[Trial]) -> f64 {
+    trials.iter().map(|trial| trial.reward).fold(0.0, f64::max)
+}
 
 /// The trials of a run and the modes after each.
 pub struct Run {
@@ -24,16 +56,10 @@ impl Run {
     ) -> Result<Run> {
         let config = SearchConfig { method, ..Default::default() };
         let mut search = build(&config, seed, space);
-        let mut run = Run { trials: Vec::new(), modes: Vec::new() };
-        for rollout in 1..=n {
-            let theta = search.ask(rollout).theta;
-            let reward = reward(&theta);
-            let trial = Trial { rollout, theta, reward, success: false };
-            search.tell(&trial);
-            run.trials.push(trial);
-            run.modes.push(search.modes());
-        }
-        Ok(run)
+        let mut modes = Vec::new();
+        let reward = |_, theta: &DVector<f64>| reward(theta);
+        let trials = trials(&mut *search, n, reward, |search| modes.push(search.modes()));
+        Ok(Run { trials, modes })
     }
 
     /// `n` trials of `method` on a world of Sec. 4.2.

@@ -1,8 +1,9 @@
 //! The skittles as a landscape over throws: rewards, and the true regions of solutions.
 
+use std::collections::BTreeSet;
 use std::sync::OnceLock;
 
-use learner::search::Bounds;
+use learner::search::{Bounds, Mode};
 use nalgebra::DVector;
 use physics::skittles::{BOX, SkittlesConfig, TARGETS, Throw};
 
@@ -70,6 +71,11 @@ impl Regions {
             }
         }
         regions
+    }
+
+    /// How many of the regions hold a mode's policy.
+    pub fn answered<'a>(&self, modes: impl IntoIterator<Item = &'a Mode>) -> usize {
+        modes.into_iter().filter_map(|mode| self.at(&mode.mean)).collect::<BTreeSet<_>>().len()
     }
 
     /// The region a throw belongs to.

@@ -27,6 +27,16 @@ pub fn nearest(centres: &[DVector<f64>], point: &DVector<f64>) -> usize {
         .expect("there are centres")
 }
 
+/// 25 points around each of `centres`, for the tests of the estimators.
+#[cfg(test)]
+pub fn clouds(centres: &[[f64; 2]]) -> Vec<DVector<f64>> {
+    use crate::search::normals::{standard_normal, stream};
+    let mut rng = stream(5, 1);
+    let mut draw = |x: f64| x + 0.04 * standard_normal(&mut rng);
+    let points = centres.iter().flat_map(|c| [*c; 25]);
+    points.map(|c| DVector::from_vec(vec![draw(c[0]), draw(c[1])])).collect()
+}
+
 /// The first point, and again and again the one farthest from those taken.
 pub fn farthest_first(points: &[DVector<f64>], n: usize) -> Vec<DVector<f64>> {
     let mut taken = vec![points[0].clone()];

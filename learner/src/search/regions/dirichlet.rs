@@ -124,7 +124,7 @@ fn digamma(mut x: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::search::normals::{standard_normal, stream};
+    use crate::search::regions::clusters::clouds;
 
     #[test]
     fn digamma_has_its_known_values() {
@@ -134,22 +134,12 @@ mod tests {
         }
     }
 
-    fn cloud(centres: &[[f64; 2]]) -> Vec<DVector<f64>> {
-        let mut rng = stream(5, 1);
-        let mut draw = |x: f64| x + 0.04 * standard_normal(&mut rng);
-        centres
-            .iter()
-            .flat_map(|c| [*c; 25])
-            .map(|c| DVector::from_vec(vec![draw(c[0]), draw(c[1])]))
-            .collect()
-    }
-
     #[test]
     fn finds_the_number_of_separate_clouds() {
         for centres in
             [&[[0.5, 0.5]][..], &[[0.2, 0.2], [0.8, 0.7]], &[[0.2, 0.2], [0.8, 0.7], [0.2, 0.9]]]
         {
-            let points = cloud(centres);
+            let points = clouds(centres);
             let mut labels = groups(&points, &vec![1.0; points.len()]);
             labels.sort_unstable();
             labels.dedup();

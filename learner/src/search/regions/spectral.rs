@@ -79,22 +79,12 @@ fn k_means(points: &[DVector<f64>], n_groups: usize) -> Vec<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::search::normals::{standard_normal, stream};
-
-    fn cloud(centres: &[[f64; 2]]) -> Vec<DVector<f64>> {
-        let mut rng = stream(5, 1);
-        let mut draw = |x: f64| x + 0.04 * standard_normal(&mut rng);
-        centres
-            .iter()
-            .flat_map(|c| [*c; 25])
-            .map(|c| DVector::from_vec(vec![draw(c[0]), draw(c[1])]))
-            .collect()
-    }
+    use crate::search::regions::clusters::clouds;
 
     #[test]
     fn separate_clouds_are_groups() {
         for centres in [&[[0.2, 0.2], [0.8, 0.7]][..], &[[0.2, 0.2], [0.8, 0.7], [0.2, 0.9]]] {
-            let labels = groups(&cloud(centres));
+            let labels = groups(&clouds(centres));
             for (a, first) in labels.iter().enumerate() {
                 for (b, second) in labels.iter().enumerate() {
                     assert_eq!(first == second, a / 25 == b / 25, "{labels:?}");
