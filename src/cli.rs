@@ -5,6 +5,10 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+mod policy;
+
+pub use policy::{AtArg, CellArgs, PolicyArgs, PolicyVerb};
+
 /// Learns compliant robot skills on a hard real-time loop.
 ///
 /// Exit code: 0 done, 1 a negative verdict (interrupted, no controller), 2 an error.
@@ -28,7 +32,7 @@ pub enum Verb {
     Learner(LearnerArgs),
     /// Ask a running controller how it is
     Status(StatusArgs),
-    /// Look at the policies of a session
+    /// Look at the policies of a session; put policies into a running cell, and take them back
     Policy(PolicyArgs),
     /// Write the figures and the HTML page of a session
     Report(ReportArgs),
@@ -185,79 +189,11 @@ pub struct LearnerArgs {
 #[derive(Args)]
 #[command(after_help = "Example: skillet status --cell kitchen --json")]
 pub struct StatusArgs {
-    /// Cell of the controller to ask; `cell.name` of the configuration when absent
-    #[arg(long)]
-    pub cell: Option<String>,
-    /// Configuration file (TOML); see `skillet config`
-    #[arg(long)]
-    pub config: Option<PathBuf>,
+    #[command(flatten)]
+    pub cell: CellArgs,
     /// Print JSON
     #[arg(long)]
     pub json: bool,
-}
-
-#[derive(Args)]
-#[command(after_help = "Example: skillet policy list sessions/pancake-1 --best 5")]
-pub struct PolicyArgs {
-    #[command(subcommand)]
-    pub verb: PolicyVerb,
-}
-
-#[derive(Subcommand)]
-pub enum PolicyVerb {
-    /// List the policies of a session, one a trial
-    #[command(after_help = "Example: skillet policy list sessions/pancake-1 --best 5")]
-    List {
-        session: PathBuf,
-        /// Only the N policies with the highest reward
-        #[arg(long)]
-        best: Option<usize>,
-        /// Print JSON
-        #[arg(long)]
-        json: bool,
-    },
-    /// Show what the search has found: each mode with its best reward and its tolerance
-    #[command(after_help = "Example: skillet policy modes sessions/skittles-1 --prefer tolerant")]
-    Modes {
-        session: PathBuf,
-        /// Which mode the answer is; as the session was configured when absent
-        #[arg(long, value_enum)]
-        prefer: Option<PreferArg>,
-        /// Print JSON
-        #[arg(long)]
-        json: bool,
-    },
-    /// Forbid a mode; the next best is the answer, without new learning
-    #[command(after_help = "\
-Examples:
-  skillet policy forbid sessions/skittles-1 1
-  skillet policy forbid sessions/skittles-1 none    allow every mode again")]
-    Forbid {
-        session: PathBuf,
-        /// Number of the mode, as in `policy modes`, or `none`
-        mode: String,
-    },
-    /// Print the policy that is the session's answer, as JSON
-    #[command(after_help = "Example: skillet policy export sessions/skittles-1 --prefer best")]
-    Export {
-        session: PathBuf,
-        /// Which mode; as the session was configured when absent
-        #[arg(long, value_enum)]
-        prefer: Option<PreferArg>,
-        /// This mode, preferred or not
-        #[arg(long, conflicts_with = "prefer")]
-        mode: Option<usize>,
-    },
-    /// Show the parameters of one policy
-    #[command(after_help = "Example: skillet policy show sessions/pancake-1 17 --json")]
-    Show {
-        session: PathBuf,
-        /// Policy id, as in `policy list`; 0 is the initial policy
-        id: u64,
-        /// Print JSON
-        #[arg(long)]
-        json: bool,
-    },
 }
 
 #[derive(Args)]

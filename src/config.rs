@@ -28,6 +28,8 @@ pub struct Config {
 pub struct CellConfig {
     /// Prefix of everything controller and learner share.
     pub name: String,
+    /// Where the controller keeps imported policies and what it served last.
+    pub state_dir: Option<PathBuf>,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -74,7 +76,7 @@ pub struct PlantConfig {
 
 impl Default for CellConfig {
     fn default() -> Self {
-        CellConfig { name: "skillet".into() }
+        CellConfig { name: "skillet".into(), state_dir: None }
     }
 }
 

@@ -1,5 +1,6 @@
 //! `skillet`: parse → run → exit code. No mathematics and no transport details in this crate.
 
+mod cell;
 mod children;
 mod cli;
 mod commands;

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use learner::summary::Summary as Achievement;
 use serde_json::json;
-use shm_types::command::Reply;
+use shm_types::command::Status;
 
 use crate::session_folder::SessionFolder;
 
@@ -21,7 +21,7 @@ pub struct Summary {
     pub rollouts_per_s: f64,
     pub interrupted: bool,
     /// The controller's last words; absent when it was gone before it could be asked.
-    pub status: Option<Reply>,
+    pub status: Option<Status>,
 }
 
 impl Summary {

@@ -42,6 +42,8 @@ pub enum CompleteError {
     OtherPolicy { rollout: u64 },
     #[error("the controller did not execute rollout {rollout}: {reason}")]
     NotExecuted { rollout: u64, reason: &'static str },
+    #[error("another policy was swapped into rollout {rollout}")]
+    Swapped { rollout: u64 },
     #[error(transparent)]
     Tell(#[from] TellError),
     #[error(transparent)]

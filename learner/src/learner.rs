@@ -11,7 +11,8 @@
 use std::path::Path;
 
 use shm_types::episode::{
-    EpisodeHeader, FAULT_APPROACH_TIMEOUT, FAULT_POLICY_REFUSED, OutcomeMsg, TickRecord,
+    EpisodeHeader, FAULT_APPROACH_TIMEOUT, FAULT_OVERRUN, FAULT_POLICY_REFUSED, FAULT_SWAPPED,
+    OutcomeMsg, TickRecord,
 };
 use shm_types::policy::PolicyMsg;
 
@@ -118,6 +119,9 @@ impl Learner {
     ) -> Result<TrialReport, CompleteError> {
         let proposal = self.matching_proposal(policy, header)?;
         let records = header.validate(records)?;
+        if header.fault == FAULT_SWAPPED {
+            return Err(CompleteError::Swapped { rollout: header.rollout });
+        }
         if let Some(reason) = not_executed(header.fault) {
             return Err(CompleteError::NotExecuted { rollout: header.rollout, reason });
         }
@@ -299,6 +303,7 @@ fn not_executed(fault: u64) -> Option<&'static str> {
     match fault {
         FAULT_POLICY_REFUSED => Some("it refused the policy; its log names the reason"),
         FAULT_APPROACH_TIMEOUT => Some("the arm did not reach the start posture in time"),
+        FAULT_OVERRUN => Some("its host could not hold the period; see `skillet doctor`"),
         _ => None,
     }
 }

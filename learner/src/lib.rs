@@ -17,7 +17,6 @@ pub mod learner;
 pub mod modes;
 pub mod parameters;
 pub mod path;
-pub mod policy_json;
 pub mod problem;
 pub mod range;
 pub mod replay;

@@ -40,6 +40,8 @@ pub enum Event {
     /// Nothing was heard from the controller for this long; the learner waits.
     ControllerSilent(Duration),
     ControllerBack,
+    /// The controller serves a pinned policy, and what was asked for waits; or does no more.
+    Pinned(bool),
     /// The rollout gave no usable episode: stored and counted, not learnt.
     SetAside {
         rollout: u64,
@@ -112,6 +114,7 @@ struct Link<'a> {
     controller: Option<Heartbeat>,
     heard: Instant,
     is_silent: bool,
+    is_pinned: bool,
     set_aside_in_a_row: u32,
 }
 
@@ -126,6 +129,7 @@ impl<'a> Link<'a> {
             controller: None,
             heard: now,
             is_silent: false,
+            is_pinned: false,
             set_aside_in_a_row: 0,
         }
     }
@@ -163,6 +167,12 @@ impl<'a> Link<'a> {
                         return Ok(Some(report));
                     }
                     Err(CompleteError::Learner(error)) => return Err(error.into()),
+                    // An operator's doing, as often as he likes: no attempt of ours.
+                    Err(swapped @ CompleteError::Swapped { rollout }) => {
+                        on_event(Event::AskedAgain { rollout, reason: swapped.to_string() });
+                        self.publish(policy)?;
+                        asked = Instant::now();
+                    }
                     Err(
                         unusable @ (CompleteError::Invalid(_)
                         | CompleteError::NotExecuted { .. }
@@ -188,6 +198,9 @@ impl<'a> Link<'a> {
                 return Ok(None);
             }
             let restarted = self.look_around(on_event);
+            if self.is_pinned {
+                asked = Instant::now(); // it waits for its turn
+            }
             let reason = match (restarted, asked.elapsed() >= ROLLOUT && !self.is_silent) {
                 (true, _) => Some("the controller has restarted".to_string()),
                 (_, true) => Some("its episode did not come".to_string()),
@@ -236,6 +249,7 @@ impl<'a> Link<'a> {
                 schema: SCHEMA,
                 boot_id: u64::from(std::process::id()),
                 counter: self.beat_counter,
+                pinned: 0,
             };
             // Nobody listening is what the controller's own silence will tell.
             let _ = self.ports.beat.send_copy(beat);
@@ -244,7 +258,11 @@ impl<'a> Link<'a> {
             self.next_housekeeping = now + HOUSEKEEPING;
             self.ports.clean_up();
         }
+        let was_pinned = self.is_pinned;
         let restarted = self.hear(now);
+        if self.is_pinned != was_pinned {
+            on_event(Event::Pinned(self.is_pinned));
+        }
         let silence = now - self.heard;
         if silence >= SILENT && !self.is_silent {
             self.is_silent = true;
@@ -264,6 +282,7 @@ impl<'a> Link<'a> {
             }
             restarted |= self.controller.is_some_and(|last| last.boot_id != beat.boot_id);
             self.controller = Some(*beat);
+            self.is_pinned = beat.pinned == 1;
             self.heard = now;
         }
         restarted

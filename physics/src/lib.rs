@@ -31,6 +31,7 @@
 
 pub mod action;
 pub mod arm;
+pub mod ideal;
 pub mod landscape;
 pub mod niching;
 pub mod outcome;

@@ -1,5 +1,6 @@
 //! Runs the controller of a world without an arm: actions in, measured values out.
 
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
@@ -11,10 +12,13 @@ use shm_types::episode::{MAX_RECORDS, OutcomeMsg, TickRecord};
 use crate::admission::{Action, admit_action};
 use crate::config::Pace;
 use crate::exchange::Setup;
+use crate::fault::Fault;
 use crate::recording::Recording;
 use crate::rollout::Phase;
+use crate::rt::now_ns;
 use crate::run::{RunError, RunSummary};
 use crate::serve::{Done, Ends, Job, serve};
+use crate::serving::Applied;
 
 /// How long the thread sleeps while there is nothing to do.
 const IDLE_SLEEP: Duration = Duration::from_micros(100);
@@ -26,6 +30,7 @@ const PERIOD_S: f64 = PERIOD_NS as f64 * 1e-9;
 pub fn run_action<W: ActionWorld>(
     cell: &Cell,
     world: &W,
+    state: Option<&Path>,
     stop: &AtomicBool,
 ) -> Result<RunSummary, RunError> {
     let admit = |message: &_| {
@@ -35,7 +40,20 @@ pub fn run_action<W: ActionWorld>(
         Ok(((action, path), n_records))
     };
     let never = AtomicBool::new(false);
-    let setup = Setup { admit: &admit, period_ns: PERIOD_NS, pace: Pace::Max, privileged: &never };
+    let setup = Setup {
+        admit: &admit,
+        // There is no torque and no way to come to harm.
+        admit_to_serve: &admit,
+        period_ns: PERIOD_NS,
+        record_ns: PERIOD_NS,
+        pace: Pace::Max,
+        privileged: &never,
+        can_swap: false,
+        blend_ticks: 0,
+        // An immediate world without a learner would repeat itself as fast as it can.
+        alone_after: None,
+        state,
+    };
     serve(cell, setup, stop, |ends| execute(ends, world, stop))
 }
 
@@ -45,18 +63,23 @@ type Throw = (Action, Vec<Vector3<f64>>);
 fn execute<W: ActionWorld>(mut ends: Ends<Throw>, world: &W, stop: &AtomicBool) {
     let mut tick = 0;
     while !stop.load(Ordering::Relaxed) {
-        let Ok(Job { policy, mut episode }) = ends.jobs.pop() else {
+        let Ok(Job { policy: throw, mut episode, swap }) = ends.jobs.pop() else {
             std::thread::sleep(IDLE_SLEEP);
             continue;
         };
-        let (Action(action), path) = policy;
+        let applied_ns = now_ns();
+        let (Action(action), path) = &throw;
         let action = &action[..world.dim()];
-        let n_records = record(&path, tick, episode.payload_mut());
+        let n_records = record(path, tick, episode.payload_mut());
         let outcome = OutcomeMsg { value: world.measure(action), ..OutcomeMsg::ZERO };
-        let recording = Recording { n_records, applied_tick: tick };
-        let done = Done { episode, recording, fault: 0, outcome };
+        let recording = Recording::at_once(n_records, tick, applied_ns);
+        if let Some(seq) = swap {
+            let applied = Applied { seq, tick, at_ns: applied_ns, in_rollout: true, policy: throw };
+            // Never full, as the ring below: one rollout is in flight at a time.
+            let _ = ends.applied.push(applied);
+        }
+        let done = Done { episode, recording, fault: Fault::None, outcome };
         tick += n_records.max(1) as u64;
-        // Never full: the ring has a place for every loan.
         let _ = ends.done.push(done);
     }
 }

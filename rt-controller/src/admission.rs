@@ -33,6 +33,16 @@ pub enum AdmissionError {
     )]
     Duration { duration_s: f64, settle_s: f64, records: usize },
     #[error(
+        "dry run: {fault} at t = {t_s:.3} s; the policy would not get through a rollout, make it \
+         softer or slower"
+    )]
+    DryRunFault { fault: &'static str, t_s: f64 },
+    #[error(
+        "dry run: joint {joint} reaches its torque limit of {limit} N·m at t = {t_s:.3} s, and \
+         {percent:.1} % of the ticks are clipped; controller.dry_run_clipped allows {allowed:.1} %"
+    )]
+    DryRunTorque { joint: String, limit: f64, t_s: f64, percent: f64, allowed: f64 },
+    #[error(
         "n_actions is {found}: this cell's world takes {expected} (0: an arm's springs); run the \
          learner with the task of the controller"
     )]
@@ -41,7 +51,8 @@ pub enum AdmissionError {
 
 /// Records that a rollout of a policy of this duration can fill.
 pub fn records_needed(duration_s: f64, config: &ControllerConfig) -> usize {
-    ((duration_s + config.settle_s) / config.period_s()).ceil() as usize + 2
+    let record_s = config.period_s() * config.record_stride() as f64;
+    ((duration_s + config.settle_s) / record_s).ceil() as usize + 2
 }
 
 /// Checks everything that can be checked without moving, and converts.

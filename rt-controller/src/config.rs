@@ -13,11 +13,26 @@ pub enum Pace {
     Max,
 }
 
+/// What a controller does without a learner and without a pinned policy.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Alone {
+    /// Serves the active policy, else the last good one, rollout after rollout.
+    Serve,
+    /// Holds the arm.
+    Hold,
+}
+
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ControllerConfig {
     /// Length of a tick, µs.
     pub period_us: u32,
+    /// The wait for a tick sleeps until this long before its deadline and spins for the rest, µs:
+    /// a sharper wake-up for a part of a core. 0: sleeps all the way.
+    pub spin_us: u32,
+    /// Deadlines missed in a row after which the arm is held.
+    pub overruns_max: u32,
     /// SCHED_FIFO priority of the rt thread when paced by the wall clock.
     pub priority: u8,
     /// Core of the rt thread; the last one when absent.
@@ -34,6 +49,15 @@ pub struct ControllerConfig {
     pub joint_margin_rad: f64,
     /// Damping of the fall-back hold, in torque limits per (rad/s).
     pub hold_damping: f64,
+    /// A policy that is swapped in during a rollout takes over within this time, s.
+    pub blend_s: f64,
+    /// What to do while nobody asks for anything.
+    pub alone: Alone,
+    /// A learner that was not heard for so long is not there, s.
+    pub alone_after_s: f64,
+    /// Share of the ticks in which the dry run of a policy to be served may ask for more torque than
+    /// a joint has. The loop clips it; a learner's proposals, which are experiments, are not dry-run.
+    pub dry_run_clipped: f64,
     /// The start posture is held at least this long before a policy takes over, s.
     pub approach_s: f64,
     /// Longest Settle phase, s. A catch is judged 0.5 s after the fall through Δ_h.
@@ -44,6 +68,8 @@ impl Default for ControllerConfig {
     fn default() -> Self {
         ControllerConfig {
             period_us: 1000,
+            spin_us: 0,
+            overruns_max: 50,
             priority: 80,
             cpu: None,
             posture_stiffness: 50.0,
@@ -52,6 +78,10 @@ impl Default for ControllerConfig {
             speed_taper: 0.9,
             joint_margin_rad: 0.05,
             hold_damping: 0.1,
+            blend_s: 0.1,
+            alone: Alone::Serve,
+            alone_after_s: 2.0,
+            dry_run_clipped: 0.0,
             approach_s: 0.05,
             settle_s: 1.2,
         }
@@ -72,6 +102,8 @@ impl ControllerConfig {
     pub fn validate(&self) -> Result<(), ControllerConfigError> {
         for (field, value, min, max) in [
             ("period_us", f64::from(self.period_us), 250.0, 2000.0),
+            ("spin_us", f64::from(self.spin_us), 0.0, f64::from(self.period_us) / 2.0),
+            ("overruns_max", f64::from(self.overruns_max), 1.0, 1e6),
             ("priority", f64::from(self.priority), 1.0, 98.0),
             ("posture_stiffness", self.posture_stiffness, 0.0, 1000.0),
             ("posture_damping", self.posture_damping, 0.0, 100.0),
@@ -79,6 +111,9 @@ impl ControllerConfig {
             ("speed_taper", self.speed_taper, 0.1, 0.99),
             ("joint_margin_rad", self.joint_margin_rad, 1e-3, 0.5),
             ("hold_damping", self.hold_damping, 0.0, 1.0),
+            ("blend_s", self.blend_s, 0.0, 2.0),
+            ("alone_after_s", self.alone_after_s, 0.5, 3600.0),
+            ("dry_run_clipped", self.dry_run_clipped, 0.0, 1.0),
             ("approach_s", self.approach_s, 0.01, 5.0),
             ("settle_s", self.settle_s, 0.6, 5.0),
         ] {
@@ -87,6 +122,19 @@ impl ControllerConfig {
             }
         }
         Ok(())
+    }
+
+    pub fn period_ns(&self) -> u64 {
+        u64::from(self.period_us) * 1000
+    }
+
+    /// Ticks per record: records are never closer than 1 ms.
+    pub fn record_stride(&self) -> usize {
+        1000_usize.div_ceil(self.period_us as usize)
+    }
+
+    pub fn blend_ticks(&self) -> u32 {
+        (self.blend_s / self.period_s()).round() as u32
     }
 
     pub fn period_s(&self) -> f64 {

@@ -7,7 +7,7 @@ use shm_types::policy::{ACTIVATION_DECAY, PolicyMsg};
 use crate::task::TaskState;
 
 /// A policy ready for the hot path: fixed size, no heap, safe to copy between threads.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Policy {
     n_components: usize,
     /// Decay rate α of s = exp(−α t); 0 when driven by time.
@@ -20,7 +20,7 @@ pub struct Policy {
 
 /// One virtual spring-damper. On coordinates that are not learnt, `stiffness` holds the gain of
 /// the resolved-acceleration orientation control and `attractor` its reference.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 struct Spring {
     center: f64,
     width: f64,

@@ -6,8 +6,10 @@ use physics::outcome::{Outcome, OutcomeConfig, OutcomeTracker};
 use physics::plant::ObjectState;
 use shm_types::policy::PolicyMsg;
 
+use crate::blend::Blend;
 use crate::config::ControllerConfig;
-use crate::policy::Policy;
+use crate::policy::{Command, Policy};
+use crate::task::TaskState;
 
 /// After the policy's duration a pancake that lies in the pan gets this long to leave it.
 const NO_TOSS_S: f64 = 0.1;
@@ -33,8 +35,11 @@ pub enum Phase {
 #[derive(Clone, Copy)]
 pub struct Rollout {
     phase: Phase,
-    /// Ticks since the phase began; since Execute began, for Settle.
+    /// Ticks since the phase began; in Execute and Settle the clock of the policy, which a swap to
+    /// one of another duration moves.
     ticks: u32,
+    /// Ticks since Execute began.
+    executed: u32,
     period_s: f64,
     approach_ticks: u32,
     settle_s: f64,
@@ -43,6 +48,9 @@ pub struct Rollout {
     q_now: JointVector,
     timed_out: bool,
     policy: Policy,
+    /// The policy before a swap, while it fades out.
+    blend: Option<Blend>,
+    blend_ticks: u32,
     outcome_config: OutcomeConfig,
     tracker: OutcomeTracker,
 }
@@ -52,6 +60,7 @@ impl Rollout {
         Rollout {
             phase: Phase::Idle,
             ticks: 0,
+            executed: 0,
             period_s: config.period_s(),
             approach_ticks: (config.approach_s / config.period_s()).ceil() as u32,
             settle_s: config.settle_s,
@@ -60,6 +69,8 @@ impl Rollout {
             q_now: *q0,
             timed_out: false,
             policy: Policy::new(&PolicyMsg::EMPTY),
+            blend: None,
+            blend_ticks: config.blend_ticks(),
             outcome_config: *outcome,
             tracker: OutcomeTracker::new(outcome),
         }
@@ -68,6 +79,7 @@ impl Rollout {
     /// Begins the Approach from `q`.
     pub fn start(&mut self, policy: &Policy, q: &JointVector) {
         self.policy = *policy;
+        self.blend = None;
         self.q_start = *q;
         self.q_now = *q;
         self.timed_out = false;
@@ -81,6 +93,34 @@ impl Rollout {
 
     pub fn policy(&self) -> &Policy {
         &self.policy
+    }
+
+    /// Exchanges the policy from the next command on. In Execute and Settle it goes on at the same
+    /// phase, t/duration, and the old policy fades out; before, nothing of the old one is left.
+    pub fn swap(&mut self, policy: &Policy) {
+        let old = self.policy;
+        self.policy = *policy;
+        if !matches!(self.phase, Phase::Execute | Phase::Settle) {
+            return;
+        }
+        let t_old = self.t_s();
+        let t_new = if t_old <= old.duration_s {
+            t_old / old.duration_s * policy.duration_s
+        } else {
+            policy.duration_s + (t_old - old.duration_s)
+        };
+        self.ticks = (t_new / self.period_s).round() as u32;
+        self.blend =
+            (self.blend_ticks > 0).then(|| Blend::new(&old, t_old, self.t_s(), self.blend_ticks));
+    }
+
+    /// What the policy, or the mixture of two, asks for in this tick of Execute or Settle.
+    pub fn command(&self, task: &TaskState) -> Command {
+        let command = self.policy.command(self.t_s(), task);
+        match &self.blend {
+            Some(blend) => blend.mix(command, self.t_s(), task),
+            None => command,
+        }
     }
 
     pub fn q0(&self) -> &JointVector {
@@ -119,7 +159,8 @@ impl Rollout {
     /// Takes in what the world looks like in this tick.
     pub fn observe(&mut self, X_WP: &Isometry3<f64>, object: &ObjectState) {
         if matches!(self.phase, Phase::Execute | Phase::Settle) {
-            self.tracker.observe(self.t_s(), X_WP, object);
+            let t_s = f64::from(self.executed) * self.period_s;
+            self.tracker.observe(t_s, X_WP, object);
         }
     }
 
@@ -131,6 +172,12 @@ impl Rollout {
     /// Ends the tick.
     pub fn advance(&mut self, faulted: bool) {
         self.ticks = self.ticks.saturating_add(1);
+        self.executed = self.executed.saturating_add(1);
+        if let Some(blend) = &mut self.blend
+            && !blend.advance()
+        {
+            self.blend = None;
+        }
         let t = f64::from(self.ticks) * self.period_s;
         match self.phase {
             Phase::Idle => {}
@@ -168,5 +215,6 @@ impl Rollout {
         }
         self.phase = phase;
         self.ticks = 0;
+        self.executed = 0;
     }
 }

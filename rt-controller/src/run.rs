@@ -1,33 +1,33 @@
-//! Runs the controller of an arm: the rt thread is in here.
+//! Runs the controller of an arm.
 
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use physics::arm::{ArmModel, JointVector};
 use physics::outcome::OutcomeConfig;
 use physics::plant::Plant;
-use rtrb::{Consumer, Producer, PushError};
 use shm_types::cell::{Cell, CellError};
-use shm_types::channel::{ChannelError, EpisodeLoan};
+use shm_types::channel::ChannelError;
 use shm_types::episode::TickRecord;
 use shm_types::policy::PolicyMsg;
-use shm_types::telemetry::TelemetryTick;
 use thiserror::Error;
 
 use crate::admission::{admit, records_needed};
-use crate::config::{ControllerConfig, ControllerConfigError, Pace};
+use crate::config::{Alone, ControllerConfig, ControllerConfigError, Pace};
+use crate::dry_run::dry_run;
 use crate::exchange::Setup;
-use crate::outcome_message::outcome_message;
-use crate::policy::Policy;
-use crate::recording::Recording;
-use crate::rollout::Phase;
-use crate::rt::{self, Clock, Wake};
-use crate::serve::{Done, Job, serve};
+use crate::rt::{self, Clock};
+use crate::rt_loop::RtLoop;
+use crate::serve::serve;
+use crate::state_file::StateError;
 use crate::tick::Controller;
 use crate::timing::Percentiles;
 
-/// How long an unpaced loop sleeps while there is nothing to do.
-const IDLE_SLEEP: Duration = Duration::from_micros(100);
+/// Ticks by which a host is asked whether it can hold the period, and the share of it that they may
+/// take.
+const TRIAL_TICKS: usize = 200;
+const PERIOD_SHARE: f64 = 0.8;
 
 /// Why a controller ended with an error.
 #[derive(Debug, Error)]
@@ -38,6 +38,13 @@ pub enum RunError {
     Cell(#[from] CellError),
     #[error(transparent)]
     Channel(#[from] ChannelError),
+    #[error(transparent)]
+    State(#[from] StateError),
+    #[error(
+        "controller.period_us is {period_us}, but a tick and a step of the plant take {needed_us:.0} \
+         µs on this host: use at least {enough_us:.0}"
+    )]
+    Period { period_us: u32, needed_us: f64, enough_us: f64 },
     #[error("the rt thread panicked: {0}; this is a bug, please report it")]
     Panic(String),
 }
@@ -45,8 +52,10 @@ pub enum RunError {
 /// What a controller did until it was stopped.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RunSummary {
+    /// That a learner asked for.
     pub rollouts: u64,
     pub policies_refused: u64,
+    pub swaps: u64,
     pub ticks: u64,
     pub deadline_misses: u64,
     /// Only meaningful when paced by the wall clock.
@@ -64,143 +73,86 @@ pub struct Controlled<'a, P: Plant> {
 }
 
 /// Runs until `stop` is set, by a signal or by a stop command. Holds the cell's controller lock.
+/// Imported policies and what was served last live in the folder `state`, or in memory only.
 pub fn run<P: Plant>(
     cell: &Cell,
     config: &ControllerConfig,
     pace: Pace,
     controlled: Controlled<P>,
+    state: Option<&Path>,
     stop: &AtomicBool,
 ) -> Result<RunSummary, RunError> {
     config.validate()?;
-    let privileged = AtomicBool::new(false);
     let Controlled { model, plant, q0, outcome } = controlled;
+    if pace == Pace::Realtime {
+        check_period(Controller::new(model, &q0, config, &outcome), plant, config.period_us)?;
+    }
     let admit = |message: &PolicyMsg| {
         let policy = admit(message, model, config)?;
         Ok((policy, records_needed(message.duration_s, config)))
     };
-    let period_ns = u64::from(config.period_us) * 1000;
-    let setup = Setup { admit: &admit, period_ns, pace, privileged: &privileged };
+    let admit_to_serve = |message: &PolicyMsg| {
+        let (policy, n_records) = admit(message)?;
+        dry_run(&policy, model, &q0, config)?;
+        Ok((policy, n_records))
+    };
+    let privileged = AtomicBool::new(false);
+    let alone_after = Duration::from_secs_f64(config.alone_after_s);
+    let setup = Setup {
+        admit: &admit,
+        admit_to_serve: &admit_to_serve,
+        period_ns: config.period_ns(),
+        record_ns: config.period_ns() * config.record_stride() as u64,
+        pace,
+        privileged: &privileged,
+        can_swap: true,
+        blend_ticks: config.blend_ticks().into(),
+        alone_after: (config.alone == Alone::Serve).then_some(alone_after),
+        state,
+    };
     serve(cell, setup, stop, |ends| {
-        let rt_loop = RtLoop {
-            controller: Controller::new(model, &q0, config, &outcome),
-            plant,
-            jobs: ends.jobs,
-            done: ends.done,
-            telemetry: ends.telemetry,
-            running: None,
-            undelivered: None,
-            scratch: TickRecord::ZERO,
-        };
+        let controller = Controller::new(model, &q0, config, &outcome);
+        let rt_loop = RtLoop::new(controller, plant, ends, config);
         match pace {
             Pace::Realtime => {
                 let granted = rt::acquire(config.priority, config.cpu);
                 for missing in &granted.missing {
                     tracing::warn!("real time is degraded: {missing}");
                 }
+                if cfg!(debug_assertions) {
+                    tracing::warn!("this is a development build: its timings mean nothing");
+                }
                 privileged.store(granted.fifo, Ordering::Relaxed);
-                rt_loop.run_paced(period_ns, stop);
+                let spin_ns = u64::from(config.spin_us) * 1000;
+                rt_loop.run_paced(Clock::new(config.period_ns(), 0, spin_ns), stop);
             }
             Pace::Max => rt_loop.run_unpaced(stop),
         }
     })
 }
 
-/// A rollout in progress.
-struct Running {
-    episode: EpisodeLoan,
-    recording: Recording,
-}
-
-/// The rt thread: measure, tick, apply, advance, record.
-struct RtLoop<'a, P: Plant> {
-    controller: Controller<'a>,
-    plant: &'a mut P,
-    jobs: Consumer<Job<Policy>>,
-    done: Producer<Done>,
-    telemetry: Producer<TelemetryTick>,
-    running: Option<Running>,
-    undelivered: Option<Done>,
-    /// Takes the ticks outside Execute and Settle.
-    scratch: TickRecord,
-}
-
-impl<P: Plant> RtLoop<'_, P> {
-    fn run_paced(mut self, period_ns: u64, stop: &AtomicBool) {
-        let mut clock = Clock::new(period_ns);
-        while !stop.load(Ordering::Relaxed) {
-            let wake = clock.wait();
-            self.begin_if_asked();
-            self.cycle(wake);
-        }
-    }
-
-    fn run_unpaced(mut self, stop: &AtomicBool) {
-        while !stop.load(Ordering::Relaxed) {
-            self.begin_if_asked();
-            if self.running.is_none() {
-                std::thread::sleep(IDLE_SLEEP);
-                continue;
-            }
-            self.cycle(Wake { late_ns: 0, missed: 0 });
-        }
-    }
-
-    fn begin_if_asked(&mut self) {
-        if self.running.is_some() {
-            return;
-        }
-        if let Some(done) = self.undelivered.take() {
-            self.deliver(done);
-        }
-        if let Ok(job) = self.jobs.pop() {
-            // A simulator builds a fresh world here; a robot does nothing.
-            self.plant.reset();
-            self.controller.start(&job.policy, &self.plant.measure().q);
-            self.running = Some(Running { episode: job.episode, recording: Recording::default() });
-        }
-    }
-
-    fn cycle(&mut self, wake: Wake) {
-        let measured = self.plant.measure();
-        let record = self.running.as_mut().and_then(|running| {
-            running.recording.next(&self.controller, running.episode.payload_mut())
-        });
-        let record = record.unwrap_or(&mut self.scratch);
-
+/// A period that the host cannot hold is better refused than overrun: the median cost of a tick and
+/// a step of the plant, which holds the arm meanwhile.
+fn check_period<P: Plant>(
+    mut controller: Controller,
+    plant: &mut P,
+    period_us: u32,
+) -> Result<(), RunError> {
+    let mut record = TickRecord::ZERO;
+    let mut cost = || {
         let start = Instant::now();
-        let tau = self.controller.tick(&measured, record);
-        let tick_ns = start.elapsed().as_nanos() as u64;
-        // Full ring: the observer loses a tick, the loop nothing.
-        let _ = self.telemetry.push(TelemetryTick {
-            tick: record.tick,
-            phase: record.phase,
-            fault: record.fault,
-            wakeup_ns: wake.late_ns,
-            tick_ns,
-            missed: wake.missed,
-            q: record.q,
-            tau: record.tau,
-        });
-
-        self.plant.apply(&tau);
-        self.plant.advance();
-        if self.controller.phase() == Phase::Idle
-            && let Some(running) = self.running.take()
-        {
-            self.deliver(Done {
-                episode: running.episode,
-                recording: running.recording,
-                fault: self.controller.fault() as u32,
-                outcome: outcome_message(&self.controller),
-            });
-        }
+        let tau = controller.tick(&plant.measure(), &mut record);
+        plant.apply(&tau);
+        plant.advance();
+        start.elapsed()
+    };
+    let mut costs: Vec<Duration> = (0..TRIAL_TICKS).map(|_| cost()).collect();
+    costs.sort_unstable();
+    plant.reset();
+    let needed_us = costs[TRIAL_TICKS / 2].as_secs_f64() * 1e6;
+    let enough_us = needed_us / PERIOD_SHARE;
+    if enough_us > f64::from(period_us) {
+        return Err(RunError::Period { period_us, needed_us, enough_us });
     }
-
-    /// Hands an episode over. The ring has a place for every loan, so it is never full; should it
-    /// be, the episode waits: dropping it here would call the transport.
-    fn deliver(&mut self, done: Done) {
-        if let Err(PushError::Full(done)) = self.done.push(done) {
-            self.undelivered = Some(done);
-        }
-    }
+    Ok(())
 }

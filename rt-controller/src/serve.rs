@@ -10,36 +10,59 @@ use shm_types::ports::ControllerPorts;
 use shm_types::telemetry::TelemetryTick;
 
 use crate::exchange::{Exchange, Setup};
+use crate::fault::Fault;
+use crate::loop_report::LoopReport;
 use crate::recording::Recording;
 use crate::run::{RunError, RunSummary};
+use crate::serving::Applied;
 
 /// Ticks the telemetry ring holds: 4 s at 1 kHz, 0.2 s at the pace of the simulation.
 const TELEMETRY_RING: usize = 4096;
+/// One swap and one rollout are under way at a time; the rings have room to spare.
+const SWAP_RING: usize = 4;
 
 /// A rollout to execute: travels exchange → executing thread with the memory its records go to.
 pub(crate) struct Job<P> {
     pub policy: P,
     pub episode: EpisodeLoan,
+    /// The swap that it fulfils, to be acknowledged when the policy acts.
+    pub swap: Option<u64>,
+}
+
+/// A policy for the rollout in progress.
+pub(crate) struct Swap<P> {
+    pub seq: u64,
+    pub policy: P,
 }
 
 /// An executed rollout: travels back.
 pub(crate) struct Done {
     pub episode: EpisodeLoan,
     pub recording: Recording,
-    pub fault: u32,
+    pub fault: Fault,
     pub outcome: OutcomeMsg,
 }
 
 /// The executing thread's ends of the rings.
 pub(crate) struct Ends<P> {
     pub jobs: Consumer<Job<P>>,
+    pub swaps: Consumer<Swap<P>>,
+    pub applied: Producer<Applied<P>>,
     pub done: Producer<Done>,
     pub telemetry: Producer<TelemetryTick>,
 }
 
+/// The exchange thread's ends.
+pub(crate) struct ExchangeEnds<P> {
+    pub jobs: Producer<Job<P>>,
+    pub swaps: Producer<Swap<P>>,
+    pub applied: Consumer<Applied<P>>,
+    pub done: Consumer<Done>,
+}
+
 /// Serves the cell until `stop` is set; `execute` runs on its own thread and returns when `stop`
 /// is set. Holds the cell's controller lock.
-pub(crate) fn serve<P: Send>(
+pub(crate) fn serve<P: Send + Clone + PartialEq>(
     cell: &Cell,
     setup: Setup<'_, P>,
     stop: &AtomicBool,
@@ -48,16 +71,22 @@ pub(crate) fn serve<P: Send>(
     let _lock = cell.lock(Role::Controller)?;
     let ports = ControllerPorts::create(cell)?;
     let (job_tx, jobs) = RingBuffer::new(EPISODE_LOANS);
+    let (swap_tx, swaps) = RingBuffer::new(SWAP_RING);
+    let (applied, applied_rx) = RingBuffer::new(SWAP_RING);
     let (done, done_rx) = RingBuffer::new(EPISODE_LOANS);
     let (telemetry, telemetry_rx) = RingBuffer::new(TELEMETRY_RING);
+    let ends = Ends { jobs, swaps, applied, done, telemetry };
+    let exchange_ends =
+        ExchangeEnds { jobs: job_tx, swaps: swap_tx, applied: applied_rx, done: done_rx };
+    let pace = setup.pace;
+    let mut exchange = Exchange::new(ports, setup, exchange_ends, LoopReport::new(telemetry_rx))?;
     std::thread::scope(|scope| {
         let thread = std::thread::Builder::new()
             .name("skillet-rt".into())
-            .spawn_scoped(scope, move || execute(Ends { jobs, done, telemetry }))
+            .spawn_scoped(scope, move || execute(ends))
             .map_err(|error| RunError::Panic(format!("it could not be started: {error}")))?;
 
-        tracing::info!(cell = cell.name(), pace = ?setup.pace, "controller ready");
-        let mut exchange = Exchange::new(ports, setup, job_tx, done_rx, telemetry_rx);
+        tracing::info!(cell = cell.name(), ?pace, "controller ready");
         let summary = exchange.run(stop, || thread.is_finished());
         // The thread may be waiting for its next deadline; it sees `stop` right after.
         stop.store(true, Ordering::Relaxed);

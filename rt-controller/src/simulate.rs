@@ -35,7 +35,7 @@ pub fn simulate<P: Plant>(
     let policy = admit(policy, controlled.model, config)?;
     let mut controller =
         Controller::new(controlled.model, &controlled.q0, config, &controlled.outcome);
-    let (mut recording, mut scratch) = (Recording::default(), TickRecord::ZERO);
+    let (mut recording, mut scratch) = (Recording::new(config.record_stride()), TickRecord::ZERO);
     controlled.plant.reset();
     controller.start(&policy, &controlled.plant.measure().q);
     while controller.phase() != Phase::Idle {

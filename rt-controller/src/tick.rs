@@ -10,11 +10,12 @@ use physics::arm::{ArmModel, JointVector, dynamics};
 use physics::outcome::{Outcome, OutcomeConfig};
 use physics::plant::Measurement;
 use shm_types::episode::{
-    FAULT_APPROACH_TIMEOUT, FAULT_POLICY_REFUSED, FLAG_IN_CONTACT, FLAG_NEAR_JOINT_LIMIT,
-    FLAG_NEAR_SPEED_LIMIT, FLAG_RATE_LIMITED, FLAG_TORQUE_CLIPPED, TickRecord,
+    FLAG_IN_CONTACT, FLAG_NEAR_JOINT_LIMIT, FLAG_NEAR_SPEED_LIMIT, FLAG_RATE_LIMITED,
+    FLAG_TORQUE_CLIPPED, TickRecord,
 };
 
 use crate::config::ControllerConfig;
+pub use crate::fault::Fault;
 use crate::limits;
 use crate::policy::Policy;
 use crate::rollout::{Phase, Rollout};
@@ -24,44 +25,6 @@ use crate::wrench::{ArmState, computed_torque, operational_space_torque};
 /// A joint this far beyond its limit, rad, or this many times too fast, is out of control.
 const POSITION_TOLERANCE: f64 = 0.2;
 const SPEED_TOLERANCE: f64 = 2.0;
-
-/// Why a tick fell back to damped gravity hold.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u32)]
-pub enum Fault {
-    None = 0,
-    /// A measured position or speed, of a joint or of the object, is not a number.
-    MeasurementNotFinite = 1,
-    /// A joint is far beyond its position limit.
-    JointOutOfRange = 2,
-    /// A joint is far beyond its speed limit.
-    Overspeed = 3,
-    /// The mass matrix or Λ⁻¹ is not positive definite.
-    Singular = 4,
-    /// The computed torque is not a number.
-    TorqueNotFinite = 5,
-    /// The start posture was not reached in time.
-    ApproachTimeout = FAULT_APPROACH_TIMEOUT as u32,
-    /// The policy was not admitted; nothing was executed.
-    PolicyRefused = FAULT_POLICY_REFUSED as u32,
-}
-
-impl Fault {
-    /// What a person reads in place of a code.
-    pub fn describe(code: u32) -> &'static str {
-        match code {
-            0 => "none",
-            1 => "a measurement is not a number",
-            2 => "a joint is far beyond its position limit",
-            3 => "a joint is far beyond its speed limit",
-            4 => "the mass matrix is singular",
-            5 => "the torque is not a number",
-            6 => "the start posture was not reached in time",
-            7 => "the policy was refused",
-            _ => "unknown fault code",
-        }
-    }
-}
 
 /// Everything the hot path keeps between two ticks.
 #[derive(Clone, Copy)]
@@ -125,6 +88,23 @@ impl<'a> Controller<'a> {
         (self.n_executed, self.n_clipped) = (0, 0);
         self.last_tau = dynamics::gravity_torque(self.model, q);
         self.rollout.start(policy, q);
+    }
+
+    /// Exchanges the policy from the next tick on, see [`Rollout::swap`].
+    pub fn swap(&mut self, policy: &Policy) {
+        self.rollout.swap(policy);
+    }
+
+    /// The policy of the rollout, or the last one.
+    pub fn policy(&self) -> &Policy {
+        self.rollout.policy()
+    }
+
+    /// From the next tick on the arm is held: the loop around found a reason.
+    pub fn trip(&mut self, fault: Fault) {
+        if self.fault == Fault::None {
+            self.fault = fault;
+        }
     }
 
     pub fn phase(&self) -> Phase {
@@ -205,7 +185,7 @@ impl<'a> Controller<'a> {
                 computed_torque(&state, &posture(&self.rollout.posture_reference()))
             }
             Phase::Execute | Phase::Settle => {
-                let command = self.rollout.policy().command(self.rollout.t_s(), &task);
+                let command = self.rollout.command(&task);
                 record.attractor.copy_from_slice(command.attractor.as_slice());
                 let xdd_world: Vector6<f64> = to_world(&command.xdd);
                 operational_space_torque(&state, &xdd_world, &posture(self.rollout.q0()))

@@ -4,6 +4,7 @@
 //! the choices: a policy must not live on a blackboard (a killed writer blocks the key for ever);
 //! the default back-pressure blocks a publisher on a dead receiver, so every publisher discards.
 
+use iceoryx2::active_request::ActiveRequest;
 use iceoryx2::port::{publisher::Publisher, subscriber::Subscriber};
 use iceoryx2::prelude::*;
 use iceoryx2::sample_mut::SampleMut;
@@ -19,6 +20,9 @@ use crate::episode::{EpisodeHeader, TickRecord};
 pub type Ipc = ipc_threadsafe::Service;
 /// An episode in shared memory, not yet sent. Fill it in place; drop it only off the rt thread.
 pub type EpisodeLoan = SampleMut<Ipc, [TickRecord], EpisodeHeader>;
+
+/// A command whose reply may come later; kept until it is answered.
+pub type CommandRequest = ActiveRequest<Ipc, Command, (), Reply, ()>;
 
 pub(crate) const POLICY: &str = "skillet/policy";
 pub(crate) const EPISODE: &str = "skillet/episode";

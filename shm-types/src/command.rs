@@ -1,30 +1,58 @@
 //! Commands of the tool to the controller, and its replies.
+//!
+//! A command carries an id of the client's own: repeating it, after a lost reply, carries nothing
+//! out twice.
 
 use iceoryx2::prelude::ZeroCopySend;
 use thiserror::Error;
 
 use crate::SCHEMA;
+use crate::policy::{PolicyMsg, PolicyName};
 
 pub const COMMAND_STATUS: u64 = 1;
 pub const COMMAND_STOP: u64 = 2;
+/// Checks `policy` and puts it into the cell's catalogue; the reply names its id.
+pub const COMMAND_IMPORT: u64 = 3;
+/// Makes the policy `policy_id` the active one, at `at`; the reply comes when it is applied.
+pub const COMMAND_ACTIVATE: u64 = 4;
+/// Serves the active policy in every rollout, whatever a learner asks.
+pub const COMMAND_PIN: u64 = 5;
+pub const COMMAND_UNPIN: u64 = 6;
+/// Activates the policy that was active before, else the last good one, at `at`.
+pub const COMMAND_ROLLBACK: u64 = 7;
+/// The policy `policy_id` may not be activated any more, or may again.
+pub const COMMAND_FORBID: u64 = 8;
+pub const COMMAND_ALLOW: u64 = 9;
+
+/// Values of [`Command::at`].
+pub const AT_NEXT_ROLLOUT: u64 = 0;
+pub const AT_NOW: u64 = 1;
+
+/// `policy_id` of the last good policy, whatever its number.
+pub const LAST_GOOD: u64 = 0;
+
+/// Bytes of a [`Reply::reason`].
+pub const REASON_LEN: usize = 320;
 
 message! {
     /// A request; `id` is the client's own, so that a repeated request is recognised.
-    pub struct Command as "skillet/Command/1" {
+    pub struct Command as "skillet/Command/2" {
         pub schema: u64,
         pub id: u64,
         /// `COMMAND_*`.
         pub kind: u64,
+        /// Number in the cell's catalogue, or [`LAST_GOOD`].
+        pub policy_id: u64,
+        /// `AT_*`.
+        pub at: u64,
+        /// Read by an import only.
+        pub policy: PolicyMsg,
     }
 }
 
 message! {
     /// State of the controller when it answered. Times in ns; percentiles since its start.
-    pub struct Reply as "skillet/Reply/1" {
-        pub schema: u64,
-        pub id: u64,
-        /// 1 when the command was understood and carried out.
-        pub accepted: u64,
+    pub struct Status as "skillet/Status/1" {
         pub boot_id: u64,
         pub tick: u64,
         pub phase: u64,
@@ -34,13 +62,28 @@ message! {
         pub realtime: u64,
         /// 1: the loop has real-time priority.
         pub privileged: u64,
-        /// Active or last policy, and where it came from.
-        pub session: u64,
-        pub rollout: u64,
-        pub policy_id: u64,
+        /// Policy in the loop, or the last one that was, and since when it was applied.
+        pub in_loop: PolicyName,
         pub applied_tick: u64,
+        /// Policy that is served when pinned or when no learner is there; digest 0: none.
+        pub active: PolicyName,
+        pub last_good: PolicyName,
+        pub pinned: u64,
+        /// Policies in the catalogue.
+        pub imported: u64,
+        /// Rollouts that a learner asked for, and others.
         pub rollouts_done: u64,
+        pub rollouts_served: u64,
+        /// Commanded swaps that were applied; of these, read back damaged (never, it is hoped).
+        pub swaps_applied: u64,
+        pub swaps_torn: u64,
+        /// Policies refused by admission, and commands refused for any reason.
         pub policies_refused: u64,
+        pub commands_refused: u64,
+        /// Times the controller went back to the last good policy by itself.
+        pub rollbacks: u64,
+        /// Writes of the cell's state that failed.
+        pub state_errors: u64,
         /// Episodes sent whose durability the learner has not confirmed.
         pub unacknowledged: u64,
         /// Age of the learner's last heartbeat; `u64::MAX` when none was ever seen.
@@ -55,7 +98,25 @@ message! {
     }
 }
 
-/// Why a command was refused.
+message! {
+    /// The answer to a command.
+    pub struct Reply as "skillet/Reply/2" {
+        pub schema: u64,
+        pub id: u64,
+        /// 1 when the command was understood and carried out.
+        pub accepted: u64,
+        /// Of an import: its id. Of a swap: policy, first tick in which no other policy acts, and
+        /// when that tick began on the monotonic clock, ns.
+        pub policy: PolicyName,
+        pub applied_tick: u64,
+        pub applied_ns: u64,
+        /// Why it was refused: UTF-8, filled up with zeros.
+        pub reason: [u8; REASON_LEN],
+        pub status: Status,
+    }
+}
+
+/// Why a command was refused before it was looked at.
 #[derive(Debug, Error, PartialEq)]
 pub enum CommandError {
     #[error(
@@ -64,18 +125,98 @@ pub enum CommandError {
     Schema { found: u64 },
     #[error("command kind {0} is unknown to this controller; update it")]
     Kind(u64),
+    #[error("at is {0}: use {AT_NEXT_ROLLOUT} (next rollout) or {AT_NOW} (now)")]
+    At(u64),
 }
 
 impl Command {
+    /// A command of `kind` about no policy.
+    pub fn new(kind: u64, id: u64) -> Command {
+        let policy = PolicyMsg::EMPTY;
+        Command { schema: SCHEMA, id, kind, policy_id: LAST_GOOD, at: AT_NEXT_ROLLOUT, policy }
+    }
+
+    /// Everything but the policy, which is admission's matter.
     pub fn validate(&self) -> Result<(), CommandError> {
         if self.schema != SCHEMA {
             return Err(CommandError::Schema { found: self.schema });
         }
-        match self.kind {
-            COMMAND_STATUS | COMMAND_STOP => Ok(()),
-            other => Err(CommandError::Kind(other)),
+        if !(COMMAND_STATUS..=COMMAND_ALLOW).contains(&self.kind) {
+            return Err(CommandError::Kind(self.kind));
+        }
+        if self.at > AT_NOW {
+            return Err(CommandError::At(self.at));
+        }
+        Ok(())
+    }
+}
+
+impl Reply {
+    /// An accepted command with nothing more to say.
+    pub fn accepted(id: u64, status: Status) -> Reply {
+        Reply {
+            schema: SCHEMA,
+            id,
+            accepted: 1,
+            policy: PolicyName::NONE,
+            applied_tick: 0,
+            applied_ns: 0,
+            reason: [0; REASON_LEN],
+            status,
         }
     }
+
+    /// A refused one; a reason that is too long loses its end.
+    pub fn refused(id: u64, status: Status, reason: &str) -> Reply {
+        let mut reply = Reply { accepted: 0, ..Reply::accepted(id, status) };
+        let mut end = reason.len().min(REASON_LEN);
+        while !reason.is_char_boundary(end) {
+            end -= 1;
+        }
+        reply.reason[..end].copy_from_slice(&reason.as_bytes()[..end]);
+        reply
+    }
+
+    /// What a person reads.
+    pub fn reason_text(&self) -> String {
+        let end = self.reason.iter().position(|byte| *byte == 0).unwrap_or(REASON_LEN);
+        String::from_utf8_lossy(&self.reason[..end]).into_owned()
+    }
+}
+
+impl Status {
+    pub const ZERO: Status = Status {
+        boot_id: 0,
+        tick: 0,
+        phase: 0,
+        fault: 0,
+        period_ns: 0,
+        realtime: 0,
+        privileged: 0,
+        in_loop: PolicyName::NONE,
+        applied_tick: 0,
+        active: PolicyName::NONE,
+        last_good: PolicyName::NONE,
+        pinned: 0,
+        imported: 0,
+        rollouts_done: 0,
+        rollouts_served: 0,
+        swaps_applied: 0,
+        swaps_torn: 0,
+        policies_refused: 0,
+        commands_refused: 0,
+        rollbacks: 0,
+        state_errors: 0,
+        unacknowledged: 0,
+        learner_age_ns: u64::MAX,
+        deadline_misses: 0,
+        wakeup_p50_ns: 0,
+        wakeup_p99_ns: 0,
+        wakeup_max_ns: 0,
+        tick_p50_ns: 0,
+        tick_p99_ns: 0,
+        tick_max_ns: 0,
+    };
 }
 
 #[cfg(test)]
@@ -84,10 +225,21 @@ mod tests {
 
     #[test]
     fn refuses_unknown_kinds_and_other_builds() {
-        let status = Command { schema: SCHEMA, id: 1, kind: COMMAND_STATUS };
+        let status = Command::new(COMMAND_STATUS, 1);
         assert_eq!(status.validate(), Ok(()));
         assert_eq!(Command { kind: 99, ..status }.validate(), Err(CommandError::Kind(99)));
+        assert_eq!(Command { kind: 0, ..status }.validate(), Err(CommandError::Kind(0)));
+        assert_eq!(Command { at: 2, ..status }.validate(), Err(CommandError::At(2)));
         let old = Command { schema: 3, ..status };
         assert_eq!(old.validate(), Err(CommandError::Schema { found: 3 }));
+    }
+
+    #[test]
+    fn a_reason_is_cut_between_characters() {
+        let long = "µ".repeat(REASON_LEN);
+        let reply = Reply::refused(1, Status::ZERO, &long);
+        assert_eq!(reply.reason_text(), "µ".repeat(REASON_LEN / 2));
+        assert_eq!(Reply::refused(1, Status::ZERO, "no").reason_text(), "no");
+        assert_eq!(Reply::accepted(1, Status::ZERO).reason_text(), "");
     }
 }

@@ -15,9 +15,14 @@ pub const FLAG_RATE_LIMITED: u32 = 4;
 pub const FLAG_NEAR_JOINT_LIMIT: u32 = 8;
 pub const FLAG_NEAR_SPEED_LIMIT: u32 = 16;
 
-/// Values of [`EpisodeHeader::fault`] under which the policy was not executed at all.
+/// Values of [`EpisodeHeader::fault`] that make an episode no trial: the policy was not executed, or
+/// not it alone.
 pub const FAULT_APPROACH_TIMEOUT: u64 = 6;
 pub const FAULT_POLICY_REFUSED: u64 = 7;
+/// Another policy was swapped in during the rollout: it tells nothing about either.
+pub const FAULT_SWAPPED: u64 = 8;
+/// The host could not hold the period; nothing the policy did.
+pub const FAULT_OVERRUN: u64 = 9;
 
 /// Bits of [`OutcomeMsg::flags`].
 pub const OUTCOME_TOSSED: u64 = 1;
@@ -87,7 +92,7 @@ message! {
 
 message! {
     /// User header of an episode.
-    pub struct EpisodeHeader as "skillet/EpisodeHeader/1" {
+    pub struct EpisodeHeader as "skillet/EpisodeHeader/2" {
         pub schema: u64,
         /// Start of the controller that ran it; with `rollout` it names the episode.
         pub boot_id: u64,
@@ -98,6 +103,9 @@ message! {
         pub policy_digest: u64,
         /// First tick of Execute: when the policy took effect.
         pub applied_tick: u64,
+        /// When that tick began on the monotonic clock, ns.
+        pub applied_ns: u64,
+        /// Time between two records, ns.
         pub period_ns: u64,
         /// Records in use, from the start of the slice.
         pub n_records: u64,
@@ -217,6 +225,7 @@ impl Default for EpisodeHeader {
             policy_id: 0,
             policy_digest: 0,
             applied_tick: 0,
+            applied_ns: 0,
             period_ns: 0,
             n_records: 0,
             fault: 0,

@@ -13,6 +13,7 @@ pub mod channel;
 pub mod command;
 pub mod episode;
 pub mod policy;
+pub mod policy_json;
 pub mod ports;
 pub mod telemetry;
 

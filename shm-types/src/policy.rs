@@ -63,6 +63,18 @@ message! {
     }
 }
 
+message! {
+    /// Names a policy: as rollout of a session, or, with session 0, as number `policy_id` of the
+    /// cell's catalogue.
+    pub struct PolicyName as "skillet/PolicyName/1" {
+        pub session: u64,
+        pub rollout: u64,
+        pub policy_id: u64,
+        /// 0 when it names none.
+        pub digest: u64,
+    }
+}
+
 /// Why a policy message was refused.
 #[derive(Debug, Error, PartialEq)]
 pub enum PolicyMsgError {
@@ -91,6 +103,25 @@ pub enum PolicyMsgError {
         "component {component}: {field} is {value}: it must be finite and within {min}..={max}"
     )]
     ComponentRange { component: usize, field: &'static str, value: f64, min: f64, max: f64 },
+}
+
+impl PolicyName {
+    pub const NONE: PolicyName = PolicyName { session: 0, rollout: 0, policy_id: 0, digest: 0 };
+
+    pub fn is_none(&self) -> bool {
+        *self == PolicyName::NONE
+    }
+
+    /// As people read it.
+    pub fn describe(&self) -> String {
+        match self {
+            name if name.is_none() => "none".into(),
+            PolicyName { session: 0, policy_id, .. } => format!("{policy_id}"),
+            PolicyName { session, policy_id, .. } => {
+                format!("{policy_id} of session {session:016x}")
+            }
+        }
+    }
 }
 
 impl Component {
@@ -135,6 +166,15 @@ impl PolicyMsg {
         let mut policy = PolicyMsg { n_actions: action.len() as u32, ..PolicyMsg::EMPTY };
         policy.action[..action.len()].copy_from_slice(action);
         policy
+    }
+
+    pub fn name(&self) -> PolicyName {
+        PolicyName {
+            session: self.session,
+            rollout: self.rollout,
+            policy_id: self.policy_id,
+            digest: self.digest,
+        }
     }
 
     /// Hash of the physical parameters (not of who asks for them).

@@ -13,10 +13,13 @@ use iceoryx2::prelude::*;
 use crate::SCHEMA;
 use crate::cell::Cell;
 use crate::channel::*;
-use crate::command::{Command, Reply};
+use crate::command::{COMMAND_STATUS, Command, Reply, Status};
 use crate::episode::{Ack, EpisodeHeader, MAX_RECORDS, TickRecord};
 use crate::policy::PolicyMsg;
 use crate::telemetry::{Heartbeat, Telemetry};
+
+/// A client looks for its reply without pause for this long.
+const EAGER: Duration = Duration::from_millis(2);
 
 /// The controller's ends; owned by its exchange thread.
 pub struct ControllerPorts {
@@ -166,20 +169,28 @@ impl ToolPorts {
     }
 
     /// Sends a command and waits for its reply; `None` after `timeout`.
-    pub fn request(&self, kind: u64, id: u64, timeout: Duration) -> Option<Reply> {
-        let command = Command { schema: SCHEMA, id, kind };
-        let pending = self.commands.send_copy(command).ok()?;
-        let deadline = Instant::now() + timeout;
-        while Instant::now() < deadline {
+    pub fn request(&self, command: &Command, timeout: Duration) -> Option<Reply> {
+        let pending = self.commands.send_copy(*command).ok()?;
+        let start = Instant::now();
+        while start.elapsed() < timeout {
             if let Ok(Some(reply)) = pending.receive()
                 && reply.schema == SCHEMA
-                && reply.id == id
+                && reply.id == command.id
             {
                 return Some(*reply);
             }
-            std::thread::sleep(Duration::from_micros(500));
+            // Most replies come at once; the others must not cost a core.
+            match start.elapsed() < EAGER {
+                true => std::thread::yield_now(),
+                false => std::thread::sleep(Duration::from_micros(500)),
+            }
         }
         None
+    }
+
+    pub fn status(&self, timeout: Duration) -> Option<Status> {
+        let id = u64::from(std::process::id());
+        self.request(&Command::new(COMMAND_STATUS, id), timeout).map(|reply| reply.status)
     }
 }
 

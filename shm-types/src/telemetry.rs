@@ -34,10 +34,12 @@ message! {
 
 message! {
     /// "I am alive": a counter; its age tells.
-    pub struct Heartbeat as "skillet/Heartbeat/1" {
+    pub struct Heartbeat as "skillet/Heartbeat/2" {
         pub schema: u64,
         pub boot_id: u64,
         pub counter: u64,
+        /// Of a controller: 1 while it serves a pinned policy and learners must wait.
+        pub pinned: u64,
     }
 }
 

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use shm_types::SCHEMA;
 use shm_types::cell::{Cell, Role};
 use shm_types::channel::ChannelError;
-use shm_types::command::{COMMAND_STATUS, Reply};
+use shm_types::command::{COMMAND_STATUS, Command, Reply, Status};
 use shm_types::episode::{Ack, EpisodeHeader};
 use shm_types::policy::PolicyMsg;
 use shm_types::ports::{ControllerPorts, LearnerPorts, ToolPorts};
@@ -95,14 +95,15 @@ fn command_is_answered_and_silence_is_noticed() {
     let lock = cell.lock(Role::Controller).unwrap();
     let controller = ControllerPorts::create(&cell).unwrap();
     let tool = ToolPorts::open(&cell, SOON).unwrap();
-    assert!(tool.request(COMMAND_STATUS, 1, Duration::from_millis(20)).is_none());
+    let ask = |id| Command::new(COMMAND_STATUS, id);
+    assert!(tool.request(&ask(1), Duration::from_millis(20)).is_none());
 
     let asked = std::thread::scope(|scope| {
-        let client = scope.spawn(|| tool.request(COMMAND_STATUS, 2, SOON));
+        let client = scope.spawn(|| tool.request(&ask(2), SOON));
         let deadline = Instant::now() + SOON;
         while !client.is_finished() && Instant::now() < deadline {
             while let Some(request) = controller.commands.receive().unwrap() {
-                let reply = Reply { schema: SCHEMA, id: request.id, tick: 42, ..zero_reply() };
+                let reply = Reply::accepted(request.id, Status { tick: 42, ..Status::ZERO });
                 // The first, abandoned request has nobody left to answer to.
                 let _ = request.send_copy(reply);
             }
@@ -110,7 +111,7 @@ fn command_is_answered_and_silence_is_noticed() {
         }
         client.join().unwrap()
     });
-    assert_eq!(asked.map(|reply| (reply.id, reply.tick)), Some((2, 42)));
+    assert_eq!(asked.map(|reply| (reply.id, reply.status.tick)), Some((2, 42)));
     drop((tool, controller, lock));
     cell.remove_if_idle();
 }
@@ -121,34 +122,4 @@ fn absent_controller_is_named() {
     let error = LearnerPorts::open(&cell, Duration::from_millis(20), &|| false).err().unwrap();
     assert!(matches!(error, ChannelError::NoController { .. }), "{error}");
     cell.remove_if_idle();
-}
-
-fn zero_reply() -> Reply {
-    Reply {
-        schema: 0,
-        id: 0,
-        accepted: 1,
-        boot_id: 0,
-        tick: 0,
-        phase: 0,
-        fault: 0,
-        period_ns: 0,
-        realtime: 0,
-        privileged: 0,
-        session: 0,
-        rollout: 0,
-        policy_id: 0,
-        applied_tick: 0,
-        rollouts_done: 0,
-        policies_refused: 0,
-        unacknowledged: 0,
-        learner_age_ns: 0,
-        deadline_misses: 0,
-        wakeup_p50_ns: 0,
-        wakeup_p99_ns: 0,
-        wakeup_max_ns: 0,
-        tick_p50_ns: 0,
-        tick_p99_ns: 0,
-        tick_max_ns: 0,
-    }
 }

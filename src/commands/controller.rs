@@ -1,5 +1,6 @@
 //! `skillet controller`: the controller service of a cell.
 
+use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use anyhow::Result;
@@ -11,6 +12,7 @@ use rt_controller::{Pace, RunSummary};
 use shm_types::cell::Cell;
 
 use crate::Verdict;
+use crate::cell::state_dir;
 use crate::cli::ControllerArgs;
 use crate::config::Config;
 use crate::{log, setup};
@@ -24,14 +26,18 @@ pub fn run(args: &ControllerArgs) -> Result<Verdict> {
     log::start(&config.log);
     let cell = Cell::new(args.cell.as_deref().unwrap_or(&config.cell.name))?;
 
+    // The cell of a single `learn` is gone with it.
+    let state = args.child.is_none().then(|| state_dir(&config, &cell));
+    let state = state.as_deref();
     let summary = match config.task.name.as_str() {
-        "landscape" => rt_controller::run_action(&cell, &Landscape, &stop)?,
-        "skittles" => rt_controller::run_action(&cell, &config.task.skittles(), &stop)?,
-        _ => run_arm(&cell, &config, args.pace.into(), &stop)?,
+        "landscape" => rt_controller::run_action(&cell, &Landscape, state, &stop)?,
+        "skittles" => rt_controller::run_action(&cell, &config.task.skittles(), state, &stop)?,
+        _ => run_arm(&cell, &config, args.pace.into(), state, &stop)?,
     };
     tracing::info!(
         rollouts = summary.rollouts,
         policies_refused = summary.policies_refused,
+        swaps = summary.swaps,
         ticks = summary.ticks,
         deadline_misses = summary.deadline_misses,
         "controller ended in order"
@@ -39,12 +45,18 @@ pub fn run(args: &ControllerArgs) -> Result<Verdict> {
     Ok(Verdict::Done)
 }
 
-fn run_arm(cell: &Cell, config: &Config, pace: Pace, stop: &AtomicBool) -> Result<RunSummary> {
+fn run_arm(
+    cell: &Cell,
+    config: &Config,
+    pace: Pace,
+    state: Option<&Path>,
+    stop: &AtomicBool,
+) -> Result<RunSummary> {
     let model = setup::arm(config)?;
     let q0 = config.plant.start_posture();
     let world = config.plant.world(config.controller.period_s());
     let mut plant = PancakePlant::new(&model, &q0, &world);
     let outcome = OutcomeConfig { pan_radius: world.pan_radius, ..OutcomeConfig::default() };
     let controlled = Controlled { model: &model, plant: &mut plant, q0, outcome };
-    Ok(rt_controller::run(cell, &config.controller, pace, controlled, stop)?)
+    Ok(rt_controller::run(cell, &config.controller, pace, controlled, state, stop)?)
 }

@@ -11,7 +11,7 @@ use anyhow::{Context, Result, bail};
 use learner::store::Store;
 use learner::summary::Summary as Achievement;
 use shm_types::cell::{Cell, runtime_dir};
-use shm_types::command::{COMMAND_STATUS, Reply};
+use shm_types::command::Status;
 use shm_types::ports::ToolPorts;
 
 use crate::Verdict;
@@ -108,7 +108,7 @@ struct Run {
     trials: u64,
     wall: Duration,
     interrupted: bool,
-    status: Option<Reply>,
+    status: Option<Status>,
 }
 
 fn run_services(
@@ -147,7 +147,7 @@ fn run_services(
 
     let status = ToolPorts::open(cell, Duration::from_millis(500))
         .ok()
-        .and_then(|ports| ports.request(COMMAND_STATUS, 1, Duration::from_millis(500)));
+        .and_then(|ports| ports.status(Duration::from_millis(500)));
     let ended = (learner.stop()?, controller.stop()?);
     let (trials, wall, interrupted) = outcome?;
     // A terminal interrupts the whole group, a child perhaps before it could listen.

@@ -105,6 +105,8 @@ fn report(event: &Event, line: &mut TrialLine, json: bool) {
             tracing::warn!("controller silent for {:.1} s; waiting for it", age.as_secs_f64());
         }
         Event::ControllerBack => tracing::info!("controller is back"),
+        Event::Pinned(true) => tracing::warn!("the controller serves a pinned policy; waiting"),
+        Event::Pinned(false) => tracing::info!("the controller takes proposals again"),
         Event::SetAside { rollout, reason } => {
             tracing::warn!("rollout {rollout} set aside, not learnt: {reason}");
         }

@@ -4,6 +4,7 @@ pub mod config;
 pub mod controller;
 pub mod learn;
 pub mod learner;
+pub mod live;
 pub mod modes;
 pub mod policy;
 pub mod report;

@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
+use learner::Learner;
 use learner::modes::{ModeReport, Prefer, choose};
-use learner::{Learner, policy_json};
 use serde_json::json;
 use shm_types::policy::PolicyMsg;
 
@@ -148,7 +148,8 @@ pub fn forbid(session: &Path, mode: &str) -> Result<Verdict> {
     }
 }
 
-pub fn export(session: &Path, prefer: Option<PreferArg>, mode: Option<usize>) -> Result<Verdict> {
+/// The policy of a mode, else of the preferred one.
+pub fn answer(session: &Path, prefer: Option<PreferArg>, mode: Option<usize>) -> Result<PolicyMsg> {
     let found = Found::open(session, prefer)?;
     let Some(number) = mode.or_else(|| found.answer()) else {
         bail!("every mode is forbidden; `skillet policy forbid SESSION none` allows them");
@@ -157,6 +158,5 @@ pub fn export(session: &Path, prefer: Option<PreferArg>, mode: Option<usize>) ->
     if report.forbidden {
         bail!("mode {number} is forbidden; `skillet policy forbid SESSION none` allows it");
     }
-    print(&format!("{}\n", policy_json::to_json(policy)?))?;
-    Ok(Verdict::Done)
+    Ok(*policy)
 }

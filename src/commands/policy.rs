@@ -1,27 +1,62 @@
-//! `skillet policy`: the policies of a session.
+//! `skillet policy`: the policies of a session; those of a cell are in `live`.
 
 use std::path::Path;
 
-use anyhow::{Result, bail};
-use learner::policy_json;
+use anyhow::{Context, Result};
 use learner::store::{Store, TrialRecord};
 use serde_json::json;
+use shm_types::command::{COMMAND_ALLOW, COMMAND_FORBID, COMMAND_PIN, COMMAND_UNPIN, LAST_GOOD};
 use shm_types::policy::{ACTIVATION_DECAY, PolicyMsg};
+use shm_types::policy_json;
 
-use super::modes;
 use super::report::open;
+use super::{live, modes};
 use crate::Verdict;
-use crate::cli::{PolicyArgs, PolicyVerb};
+use crate::cell::NamedCell;
+use crate::cli::{CellArgs, PolicyArgs, PolicyVerb};
 use crate::output::{print, print_json};
 use crate::session_folder::SessionFolder;
 
 pub fn run(args: &PolicyArgs) -> Result<Verdict> {
     match &args.verb {
-        PolicyVerb::List { session, best, json } => list(&store(session)?, *best, *json),
+        PolicyVerb::List { session: Some(session), best, json, .. } => {
+            list(&store(session)?, *best, *json)
+        }
+        PolicyVerb::List { session: None, json, cell, .. } => {
+            live::list(&NamedCell::of(cell)?, *json)
+        }
         PolicyVerb::Modes { session, prefer, json } => modes::list(session, *prefer, *json),
-        PolicyVerb::Forbid { session, mode } => modes::forbid(session, mode),
-        PolicyVerb::Export { session, prefer, mode } => modes::export(session, *prefer, *mode),
-        PolicyVerb::Show { session, id, json } => show(&store(session)?, *id, *json),
+        PolicyVerb::Forbid { policy, cell } => match policy.as_slice() {
+            [session, mode] => modes::forbid(Path::new(session), mode),
+            [id, ..] => live::change(&NamedCell::of(cell)?, COMMAND_FORBID, live::number(id)?),
+            [] => unreachable!("clap wants one or two"),
+        },
+        PolicyVerb::Export { from, prefer, mode, cell } => {
+            let policy = match Path::new(from).is_dir() {
+                true => modes::answer(Path::new(from), *prefer, *mode)?,
+                false => live::stored(&NamedCell::of(cell)?, from)?,
+            };
+            print(&format!("{}\n", policy_json::to_json(&policy)?))?;
+            Ok(Verdict::Done)
+        }
+        PolicyVerb::Show { policy, json, cell } => show(&one(policy, cell)?, *json),
+        PolicyVerb::Import { from, id, prefer, mode, json, cell } => {
+            let policy = match (from.is_dir(), id) {
+                (true, Some(id)) => of_session(from, *id)?,
+                (true, None) => modes::answer(from, *prefer, *mode)?,
+                (false, _) => live::read(from)?,
+            };
+            live::import(&NamedCell::of(cell)?, policy, *json)
+        }
+        PolicyVerb::Activate { id, at, json, cell } => {
+            live::activate(&NamedCell::of(cell)?, id, *at, *json)
+        }
+        PolicyVerb::Rollback { at, json, cell } => {
+            live::rollback(&NamedCell::of(cell)?, *at, *json)
+        }
+        PolicyVerb::Allow { id, cell } => live::change(&NamedCell::of(cell)?, COMMAND_ALLOW, *id),
+        PolicyVerb::Pin { cell } => live::change(&NamedCell::of(cell)?, COMMAND_PIN, LAST_GOOD),
+        PolicyVerb::Unpin { cell } => live::change(&NamedCell::of(cell)?, COMMAND_UNPIN, LAST_GOOD),
     }
 }
 
@@ -95,14 +130,30 @@ fn row(trial: &TrialRecord) -> serde_json::Value {
     })
 }
 
-fn show(store: &Store, id: u64, as_json: bool) -> Result<Verdict> {
-    let Some(policy) = store.policy(id)? else {
-        bail!("policy {id}: not in this session; `skillet policy list` shows what is");
-    };
+/// One policy: of a session, or of a cell.
+fn one(policy: &[String], cell: &CellArgs) -> Result<PolicyMsg> {
+    match policy {
+        [session, id] => {
+            let id = id.parse().with_context(|| format!("policy '{id}': give its number"))?;
+            of_session(Path::new(session), id)
+        }
+        [id, ..] => live::stored(&NamedCell::of(cell)?, id),
+        [] => unreachable!("clap wants one or two"),
+    }
+}
+
+fn of_session(session: &Path, id: u64) -> Result<PolicyMsg> {
+    let policy = store(session)?.policy(id)?;
+    policy.with_context(|| {
+        format!("policy {id}: not in this session; `skillet policy list` shows what is")
+    })
+}
+
+fn show(policy: &PolicyMsg, as_json: bool) -> Result<Verdict> {
     if as_json {
-        print(&format!("{}\n", policy_json::to_json(&policy)?))?;
+        print(&format!("{}\n", policy_json::to_json(policy)?))?;
     } else {
-        print(&as_text(&policy))?;
+        print(&as_text(policy))?;
     }
     Ok(Verdict::Done)
 }

@@ -20,9 +20,9 @@ pub use rows::{Event, PolicyKind, TrialRecord};
 use rows::{blob, insert_policy, insert_trial, signed};
 
 use crate::path::PathRow;
-use crate::policy_json;
 use crate::search::SearchSnapshot;
 use crate::trial::Proposal;
+use shm_types::policy_json;
 
 /// Format of the session file; raised whenever an older program could not read it.
 pub const FORMAT_VERSION: i64 = 2;

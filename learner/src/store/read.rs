@@ -8,9 +8,9 @@ use super::rows::{
 };
 use super::{Store, StoreError, meta};
 use crate::path::{self, PathRow};
-use crate::policy_json;
 use crate::search::SearchSnapshot;
 use crate::trial::Proposal;
+use shm_types::policy_json;
 
 impl Store {
     /// The proposal without a trial, if there is one.

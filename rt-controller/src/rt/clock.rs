@@ -6,10 +6,16 @@ use rustix::time::{ClockId, Timespec, clock_gettime};
 const NS_PER_S: u64 = 1_000_000_000;
 
 /// A periodic deadline that never drifts.
+///
+/// Deadlines are whole multiples of the period on the monotonic clock, plus `phase_ns`: two loops of
+/// one host know where the other one is.
 pub struct Clock {
     period_ns: u64,
+    /// The sleep ends this much before the deadline; the rest is spun.
+    spin_ns: u64,
     deadline_ns: u64,
     missed: u64,
+    overruns: u32,
 }
 
 /// How a tick began.
@@ -19,33 +25,46 @@ pub struct Wake {
     pub late_ns: u64,
     /// Deadlines missed since the clock was made.
     pub missed: u64,
+    /// Waits in a row, this one included, that ended a period or more too late.
+    pub overruns: u32,
+}
+
+impl Wake {
+    /// Of a loop that no clock paces.
+    pub const UNPACED: Wake = Wake { late_ns: 0, missed: 0, overruns: 0 };
 }
 
 impl Clock {
-    pub fn new(period_ns: u64) -> Clock {
-        Clock { period_ns, deadline_ns: now_ns() + period_ns, missed: 0 }
+    pub fn new(period_ns: u64, phase_ns: u64, spin_ns: u64) -> Clock {
+        let deadline_ns = (now_ns() / period_ns + 1) * period_ns + phase_ns;
+        Clock { period_ns, spin_ns, deadline_ns, missed: 0, overruns: 0 }
     }
 
-    /// Sleeps until the next deadline. A deadline that has passed by a whole period is counted as
-    /// missed and skipped: the grid of deadlines stays where it was.
+    /// Waits for the next deadline. One that has passed by a whole period is counted as missed and
+    /// skipped: the grid of deadlines stays where it was.
     pub fn wait(&mut self) -> Wake {
-        let deadline = Timespec {
-            tv_sec: (self.deadline_ns / NS_PER_S) as i64,
-            tv_nsec: (self.deadline_ns % NS_PER_S) as _,
+        let sleep_until = self.deadline_ns.saturating_sub(self.spin_ns);
+        let wake_up = Timespec {
+            tv_sec: (sleep_until / NS_PER_S) as i64,
+            tv_nsec: (sleep_until % NS_PER_S) as _,
         };
         // A signal may end the sleep early; the rest is slept again.
+        while now_ns() < sleep_until {
+            let _ = clock_nanosleep_absolute(ClockId::Monotonic, &wake_up);
+        }
         while now_ns() < self.deadline_ns {
-            let _ = clock_nanosleep_absolute(ClockId::Monotonic, &deadline);
+            std::hint::spin_loop();
         }
         let late_ns = now_ns() - self.deadline_ns;
         let skipped = late_ns / self.period_ns;
         self.missed += skipped;
+        self.overruns = if skipped > 0 { self.overruns.saturating_add(1) } else { 0 };
         self.deadline_ns += (skipped + 1) * self.period_ns;
-        Wake { late_ns, missed: self.missed }
+        Wake { late_ns, missed: self.missed, overruns: self.overruns }
     }
 }
 
-/// Monotonic time, ns.
+/// Monotonic time, ns. No system call where the kernel maps its clock into the process.
 pub fn now_ns() -> u64 {
     let now = clock_gettime(ClockId::Monotonic);
     now.tv_sec as u64 * NS_PER_S + now.tv_nsec as u64
@@ -54,16 +73,31 @@ pub fn now_ns() -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::time::Duration;
 
     #[test]
     fn counts_missed_deadlines_and_keeps_the_grid() {
-        let period = 2_000_000;
-        let mut clock = Clock::new(period);
-        let first = clock.deadline_ns;
-        std::thread::sleep(std::time::Duration::from_millis(9));
-        let wake = clock.wait();
-        assert!(wake.missed >= 3, "slept through {} deadlines", wake.missed);
-        assert_eq!((clock.deadline_ns - first) % period, 0);
-        assert!(clock.deadline_ns > now_ns() - period);
+        let (period, phase) = (2_000_000, 700_000);
+        let mut clock = Clock::new(period, phase, 0);
+        for overruns in 1..=3 {
+            std::thread::sleep(Duration::from_millis(9));
+            let wake = clock.wait();
+            assert!(wake.missed >= 3, "slept through {} deadlines", wake.missed);
+            assert_eq!(wake.overruns, overruns);
+            assert_eq!((clock.deadline_ns - phase) % period, 0);
+            assert!(clock.deadline_ns > now_ns() - period);
+        }
+    }
+
+    #[test]
+    fn never_wakes_before_the_deadline_with_or_without_spinning() {
+        for spin_ns in [0, 300_000, 10_000_000] {
+            let mut clock = Clock::new(1_000_000, 0, spin_ns);
+            for _ in 0..5 {
+                let deadline = clock.deadline_ns;
+                clock.wait();
+                assert!(now_ns() >= deadline);
+            }
+        }
     }
 }

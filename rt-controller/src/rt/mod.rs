@@ -3,5 +3,5 @@
 mod clock;
 mod thread;
 
-pub use clock::{Clock, Wake};
+pub use clock::{Clock, Wake, now_ns};
 pub use thread::{Privileges, acquire};

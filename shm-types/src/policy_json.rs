@@ -1,11 +1,12 @@
 //! A policy as JSON text that people can read and edit; floats survive bit for bit.
 
 use serde::{Deserialize, Serialize};
-use shm_types::policy::{Component, PolicyMsg, PolicyMsgError, packed_index};
-use shm_types::{MAX_ACTIONS, MAX_COMPONENTS, TASK_DIM};
 use thiserror::Error;
 
-use crate::activation::Activation;
+use crate::policy::{
+    ACTIVATION_DECAY, ACTIVATION_TIME, Component, PolicyMsg, PolicyMsgError, packed_index,
+};
+use crate::{MAX_ACTIONS, MAX_COMPONENTS, TASK_DIM};
 
 #[derive(Debug, Error)]
 pub enum PolicyJsonError {
@@ -23,12 +24,20 @@ pub enum PolicyJsonError {
     Message(#[from] PolicyMsgError),
 }
 
+/// What drives the activations.
+#[derive(Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum Drive {
+    Time,
+    Decay,
+}
+
 /// Units as in [`PolicyMsg`].
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct PolicyText {
     task_dim: u32,
-    activation: Activation,
+    activation: Drive,
     duration_s: f64,
     decay_rate: f64,
     damping: f64,
@@ -69,11 +78,8 @@ pub fn to_json(policy: &PolicyMsg) -> Result<String, PolicyJsonError> {
         attractor: c.attractor,
         stiffness: (0..d).map(|row| (0..d).map(|col| c.stiffness_at(row, col)).collect()).collect(),
     };
-    let activation = if policy.activation == Activation::Decay.code() {
-        Activation::Decay
-    } else {
-        Activation::Time
-    };
+    let decays = policy.activation == ACTIVATION_DECAY;
+    let activation = if decays { Drive::Decay } else { Drive::Time };
     Ok(serde_json::to_string_pretty(&PolicyText {
         task_dim: policy.task_dim,
         activation,
@@ -99,7 +105,10 @@ pub fn from_json(text: &str) -> Result<PolicyMsg, PolicyJsonError> {
     let mut policy = PolicyMsg {
         task_dim: text.task_dim,
         n_components: text.components.len() as u32,
-        activation: text.activation.code(),
+        activation: match text.activation {
+            Drive::Time => ACTIVATION_TIME,
+            Drive::Decay => ACTIVATION_DECAY,
+        },
         duration_s: text.duration_s,
         decay_rate: text.decay_rate,
         damping: text.damping,

@@ -1,0 +1,269 @@
+//! Commands: what a tool asks of the controller, carried out on the exchange thread.
+//!
+//! A swap is answered when the loop has applied it, a change of the catalogue when it is on disk.
+//! A command that is repeated with its id is answered again, not carried out again.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+use shm_types::channel::CommandRequest;
+use shm_types::command::{
+    COMMAND_ACTIVATE, COMMAND_ALLOW, COMMAND_FORBID, COMMAND_IMPORT, COMMAND_PIN, COMMAND_ROLLBACK,
+    COMMAND_STATUS, COMMAND_STOP, COMMAND_UNPIN, Command, CommandError, LAST_GOOD, Reply, Status,
+};
+use shm_types::policy::PolicyName;
+use thiserror::Error;
+
+use crate::admission::AdmissionError;
+use crate::catalogue::CatalogueError;
+use crate::exchange::Exchange;
+use crate::serving::{Applied, Served, SwapRefused};
+use crate::state_file::Remember;
+
+/// Replies kept for repeated commands.
+const RECENT: usize = 64;
+
+/// Why a command was not carried out.
+#[derive(Debug, Error)]
+pub(crate) enum Refusal {
+    #[error(transparent)]
+    Command(#[from] CommandError),
+    #[error(transparent)]
+    Admission(#[from] AdmissionError),
+    #[error(transparent)]
+    Catalogue(#[from] CatalogueError),
+    #[error(transparent)]
+    Swap(#[from] SwapRefused),
+    #[error("the rollout ended before policy {0} acted: {1}")]
+    Abandoned(String, &'static str),
+    #[error("the cell's state cannot be saved ({0}): free space or mend permissions, then repeat")]
+    NotKept(String),
+}
+
+/// How a command goes on.
+#[derive(Clone, Copy, PartialEq)]
+enum Outcome {
+    Done,
+    /// Answered when the loop has applied this swap.
+    Applied(u64),
+    /// Answered when this is on disk.
+    Kept(u64),
+    Stop,
+}
+
+struct Waiting {
+    request: CommandRequest,
+    outcome: Outcome,
+}
+
+/// Commands that wait for their answer, and answers that may be asked for again.
+pub(crate) struct Commands {
+    waiting: Vec<Waiting>,
+    recent: VecDeque<Reply>,
+    pub refused: u64,
+}
+
+impl Commands {
+    pub fn new() -> Commands {
+        Commands { waiting: Vec::new(), recent: VecDeque::new(), refused: 0 }
+    }
+
+    /// Takes the commands out that wait for `outcome`.
+    fn waiting_for(&mut self, outcome: &Outcome) -> Vec<CommandRequest> {
+        let is_it = |waiting: &mut Waiting| waiting.outcome == *outcome;
+        self.waiting.extract_if(.., is_it).map(|waiting| waiting.request).collect()
+    }
+
+    fn answer(&mut self, request: CommandRequest, reply: Reply) {
+        if request.kind != COMMAND_STATUS {
+            self.recent.truncate(RECENT - 1);
+            self.recent.push_front(reply);
+        }
+        // A client that has gone asks again, or does not care.
+        let _ = request.send_copy(reply);
+    }
+}
+
+impl<P: Clone + PartialEq> Exchange<'_, P> {
+    /// Answers what can be answered. True when asked to stop.
+    pub(crate) fn serve_commands(&mut self) -> bool {
+        let mut stop = false;
+        while let Ok(Some(request)) = self.ports.commands.receive() {
+            self.active = true;
+            let command: Command = *request;
+            let known = self.commands.recent.iter().find(|reply| reply.id == command.id);
+            if let Some(reply) = known.filter(|_| command.kind != COMMAND_STATUS) {
+                let _ = request.send_copy(*reply);
+                continue;
+            }
+            let waits = |waiting: &&Waiting| waiting.request.id == command.id;
+            if let Some(first) = self.commands.waiting.iter().find(waits) {
+                let outcome = first.outcome;
+                self.commands.waiting.push(Waiting { request, outcome });
+                continue;
+            }
+            match self.carry_out(&command) {
+                Ok(outcome @ (Outcome::Applied(_) | Outcome::Kept(_))) => {
+                    self.commands.waiting.push(Waiting { request, outcome });
+                }
+                Ok(outcome) => {
+                    stop |= outcome == Outcome::Stop;
+                    let policy = self.named(&command);
+                    let reply = Reply { policy, ..Reply::accepted(command.id, self.status()) };
+                    self.commands.answer(request, reply);
+                }
+                Err(refusal) => self.refuse(request, &refusal),
+            }
+        }
+        self.answer_kept();
+        stop
+    }
+
+    fn refuse(&mut self, request: CommandRequest, refusal: &Refusal) {
+        tracing::warn!("command refused: {refusal}");
+        self.commands.refused += 1;
+        let reply = Reply::refused(request.id, self.status(), &refusal.to_string());
+        self.commands.answer(request, reply);
+    }
+
+    fn carry_out(&mut self, command: &Command) -> Result<Outcome, Refusal> {
+        command.validate()?;
+        let (id, at) = (command.policy_id, command.at);
+        Ok(match command.kind {
+            COMMAND_STOP => Outcome::Stop,
+            COMMAND_IMPORT => {
+                (self.setup.admit_to_serve)(&command.policy)?;
+                kept(self.catalogue.import(&command.policy)?)
+            }
+            COMMAND_ACTIVATE => {
+                let policy = self.servable(id)?;
+                Outcome::Applied(self.serving.activate(policy, at)?)
+            }
+            COMMAND_ROLLBACK => Outcome::Applied(self.serving.rollback(at)?),
+            COMMAND_PIN | COMMAND_UNPIN => {
+                self.serving.pin(command.kind == COMMAND_PIN)?;
+                kept(self.remember())
+            }
+            COMMAND_FORBID | COMMAND_ALLOW => {
+                let forbidden = command.kind == COMMAND_FORBID;
+                let digest = self.catalogue.forbid(id, forbidden)?;
+                if forbidden {
+                    self.serving.drop_policy(digest);
+                }
+                kept(self.remember())
+            }
+            // Status: the reply carries it anyhow.
+            _ => Outcome::Done,
+        })
+    }
+
+    /// The policy `id`, checked again: the bounds may be others than when it was imported.
+    fn servable(&self, id: u64) -> Result<Arc<Served<P>>, Refusal> {
+        if id == LAST_GOOD {
+            return Ok(self.serving.last_good().cloned().ok_or(CatalogueError::NoneGood)?);
+        }
+        let message = *self.catalogue.get(id)?;
+        // In service before: the dry run need not be repeated.
+        if let Some(known) = self.known.iter().find(|known| known.name() == message.name()) {
+            return Ok(known.clone());
+        }
+        let (policy, n_records) = (self.setup.admit_to_serve)(&message)?;
+        Ok(Arc::new(Served { message, policy, n_records }))
+    }
+
+    /// Orders what is served to be written.
+    pub(crate) fn remember(&mut self) -> Option<u64> {
+        self.catalogue.remember(Remember {
+            active: self.serving.active().map(|active| active.name()),
+            last_good: self.serving.last_good().map(|good| &good.message),
+            pinned: self.serving.is_pinned(),
+        })
+    }
+
+    /// The loop has applied a swap: whoever waits for it is told.
+    pub(crate) fn answer_applied(&mut self, applied: &Applied<P>, policy: PolicyName) {
+        for request in self.commands.waiting_for(&Outcome::Applied(applied.seq)) {
+            let reply = Reply {
+                policy,
+                applied_tick: applied.tick,
+                applied_ns: applied.at_ns,
+                ..Reply::accepted(request.id, self.status())
+            };
+            self.commands.answer(request, reply);
+        }
+    }
+
+    /// The rollout that was to fulfil swap `seq` ended before.
+    pub(crate) fn answer_abandoned(&mut self, seq: u64, policy: PolicyName, why: &'static str) {
+        for request in self.commands.waiting_for(&Outcome::Applied(seq)) {
+            self.refuse(request, &Refusal::Abandoned(policy.describe(), why));
+        }
+    }
+
+    fn answer_kept(&mut self) {
+        while let Some(kept) = self.catalogue.kept() {
+            for request in self.commands.waiting_for(&Outcome::Kept(kept.ticket)) {
+                match &kept.result {
+                    Ok(()) => {
+                        let policy = self.named(&request);
+                        let reply = Reply { policy, ..Reply::accepted(request.id, self.status()) };
+                        self.commands.answer(request, reply);
+                    }
+                    Err(error) => self.refuse(request, &Refusal::NotKept(error.clone())),
+                }
+            }
+        }
+    }
+
+    /// The policy that a change of the catalogue was about.
+    fn named(&self, command: &Command) -> PolicyName {
+        match command.kind {
+            COMMAND_IMPORT => self.catalogue.numbered(command.policy.digest),
+            COMMAND_FORBID | COMMAND_ALLOW => self.catalogue.name(command.policy_id),
+            _ => self.serving.served().map_or(PolicyName::NONE, |served| served.name()),
+        }
+    }
+
+    fn status(&self) -> Status {
+        let (wakeup, tick) = (self.report.stats.wakeup(), self.report.stats.tick());
+        let name = |served: Option<&Arc<Served<P>>>| served.map_or(PolicyName::NONE, |s| s.name());
+        Status {
+            boot_id: self.boot_id,
+            tick: self.report.last.tick,
+            // Without the wall clock nothing ticks between rollouts: the last tick is no news.
+            phase: if self.in_flight.is_some() { u64::from(self.report.last.phase) } else { 0 },
+            fault: u64::from(self.report.last.fault),
+            period_ns: self.setup.period_ns,
+            realtime: u64::from(self.setup.is_realtime()),
+            privileged: u64::from(self.setup.is_privileged()),
+            in_loop: self.in_loop,
+            applied_tick: self.applied_tick,
+            active: name(self.serving.active()),
+            last_good: name(self.serving.last_good()),
+            pinned: u64::from(self.serving.is_pinned()),
+            imported: self.catalogue.len() as u64,
+            rollouts_done: self.rollouts,
+            rollouts_served: self.served,
+            swaps_applied: self.serving.applied,
+            swaps_torn: self.serving.torn,
+            policies_refused: self.refused,
+            commands_refused: self.commands.refused,
+            rollbacks: self.serving.rollbacks,
+            state_errors: self.catalogue.errors,
+            unacknowledged: self.link.unacknowledged(),
+            learner_age_ns: self.link.age().map_or(u64::MAX, |age| age.as_nanos() as u64),
+            deadline_misses: self.report.stats.missed,
+            wakeup_p50_ns: wakeup.p50,
+            wakeup_p99_ns: wakeup.p99,
+            wakeup_max_ns: wakeup.max,
+            tick_p50_ns: tick.p50,
+            tick_p99_ns: tick.p99,
+            tick_max_ns: tick.max,
+        }
+    }
+}
+
+/// Nothing to wait for where nothing is written.
+fn kept(ticket: Option<u64>) -> Outcome {
+    ticket.map_or(Outcome::Done, Outcome::Kept)
+}

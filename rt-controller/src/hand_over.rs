@@ -1,0 +1,240 @@
+//! Rollouts on their way to the loop and back: what is handed over, what has come of it, who is
+//! told.
+
+use std::sync::Arc;
+
+use shm_types::channel::EpisodeLoan;
+use shm_types::episode::{EpisodeHeader, OUTCOME_SUCCESS};
+use shm_types::policy::PolicyName;
+
+use crate::exchange::{Exchange, InFlight, KNOWN};
+use crate::fault::Fault;
+use crate::recording::Recording;
+use crate::serve::{Done, Job};
+use crate::serving::{Next, Served};
+
+impl<P: Clone + PartialEq> Exchange<'_, P> {
+    /// Takes the loop's word on swaps, and tells who asked for them.
+    pub(crate) fn take_applied(&mut self) {
+        while let Ok(applied) = self.ends.applied.pop() {
+            self.active = true;
+            let torn = self.serving.torn;
+            let Some(policy) = self.serving.applied(&applied) else { continue };
+            if self.serving.torn > torn {
+                tracing::error!(
+                    policy = policy.policy_id,
+                    "the loop holds another policy than sent"
+                );
+            }
+            if let (true, Some(in_flight)) = (applied.in_rollout, &mut self.in_flight) {
+                in_flight.swapped |= in_flight.served.name() != policy;
+            }
+            if let Some(active) = self.serving.active().cloned() {
+                self.known.retain(|known| known.name() != active.name());
+                self.known.insert(0, active);
+                self.known.truncate(KNOWN);
+            }
+            (self.in_loop, self.applied_tick) = (policy, applied.tick);
+            tracing::info!(policy = policy.policy_id, tick = applied.tick, "policy applied");
+            self.answer_applied(&applied, policy);
+            self.remember();
+        }
+    }
+
+    pub(crate) fn take_done(&mut self) {
+        while let Ok(done) = self.ends.done.pop() {
+            self.active = true;
+            // What the loop applied before this rollout ended must be known first.
+            self.take_applied();
+            let Some(in_flight) = self.in_flight.take() else {
+                tracing::error!("an episode came back that was not asked for; dropped");
+                continue;
+            };
+            let Recording { n_records, applied_tick, .. } = done.recording;
+            if n_records > 0 && !in_flight.swapped {
+                (self.in_loop, self.applied_tick) = (in_flight.served.name(), applied_tick);
+            }
+            if in_flight.is_proposal {
+                self.rollouts += 1;
+                self.proposal_ended(in_flight, done);
+            } else {
+                self.served += 1;
+                self.service_ended(&in_flight, &done);
+            }
+        }
+    }
+
+    fn proposal_ended(&mut self, in_flight: InFlight<P>, mut done: Done) {
+        let name = in_flight.served.name();
+        let fault = match (done.fault, in_flight.swapped) {
+            (Fault::None, true) => Fault::Swapped,
+            (fault, _) => fault,
+        };
+        *done.episode.user_header_mut() = EpisodeHeader {
+            applied_tick: done.recording.applied_tick,
+            applied_ns: done.recording.applied_ns,
+            n_records: done.recording.n_records as u64,
+            fault: fault as u64,
+            outcome: done.outcome,
+            ..self.header(&name)
+        };
+        if fault != Fault::None {
+            let why = Fault::describe(fault as u32);
+            tracing::info!(rollout = name.rollout, "rollout ended early: {why}");
+        }
+        if in_flight.swapped && done.fault != Fault::None {
+            self.fault_in_service(&name, done.fault);
+        }
+        if fault == Fault::None && done.outcome.has(OUTCOME_SUCCESS) {
+            self.serving.proved_itself(in_flight.served);
+            self.remember();
+        }
+        self.send(name, done.episode);
+    }
+
+    fn service_ended(&mut self, in_flight: &InFlight<P>, done: &Done) {
+        let name = in_flight.served.name();
+        if let Some(seq) = self.serving.abandon() {
+            self.answer_abandoned(seq, name, Fault::describe(done.fault as u32));
+            return;
+        }
+        match done.fault {
+            Fault::None if in_flight.swapped => {}
+            Fault::None => {
+                if self.serving.served_rollout_ended(&name, false) {
+                    self.remember();
+                }
+            }
+            // Neither says anything about the policy.
+            Fault::Overrun | Fault::ApproachTimeout => {
+                tracing::warn!(
+                    "served rollout ended early: {}",
+                    Fault::describe(done.fault as u32)
+                );
+            }
+            fault => self.fault_in_service(&name, fault),
+        }
+    }
+
+    /// A policy that was not a learner's proposal led to a fault.
+    fn fault_in_service(&mut self, name: &PolicyName, fault: Fault) {
+        let why = Fault::describe(fault as u32);
+        let active = self.serving.active().map_or(*name, |active| active.name());
+        if self.serving.served_rollout_ended(name, true) {
+            self.remember();
+        }
+        match self.serving.served() {
+            Some(good) => tracing::error!(
+                "fault under policy {}: {why}; back to the last good policy, {}",
+                active.describe(),
+                good.name().describe()
+            ),
+            None => tracing::error!(
+                "fault under policy {}: {why}; no good policy to go back to, the arm is held",
+                active.describe()
+            ),
+        }
+    }
+
+    fn header(&self, name: &PolicyName) -> EpisodeHeader {
+        EpisodeHeader {
+            boot_id: self.boot_id,
+            session: name.session,
+            rollout: name.rollout,
+            policy_id: name.policy_id,
+            policy_digest: name.digest,
+            period_ns: self.setup.record_ns,
+            ..EpisodeHeader::default()
+        }
+    }
+
+    fn send(&mut self, name: PolicyName, episode: EpisodeLoan) {
+        self.link.reported(name);
+        match episode.send() {
+            Ok(0) => tracing::warn!(
+                rollout = name.rollout,
+                "no learner took the episode; it will ask for the rollout again"
+            ),
+            Ok(_) => {
+                let _ = self.ports.episode_sent.notify();
+            }
+            Err(error) => tracing::warn!(
+                rollout = name.rollout,
+                "episode not delivered ({error:?}); the learner will ask for the rollout again"
+            ),
+        }
+    }
+
+    /// Hands the next rollout to the loop, with memory for its records.
+    pub(crate) fn hand_over(&mut self) {
+        if self.in_flight.is_some() {
+            return;
+        }
+        let alone = self.setup.alone_after.is_some_and(|after| self.link.is_absent(after));
+        match self.serving.next(self.link.proposal.is_some(), alone) {
+            Next::Nothing => {}
+            Next::Serve(served, swap) => {
+                let n_records = served.n_records;
+                match self.loan(n_records) {
+                    Some(episode) => self.start(served, episode, swap, false),
+                    None => self.serving.not_handed_over(swap),
+                }
+            }
+            Next::Learner => self.hand_over_proposal(),
+        }
+    }
+
+    /// A refusal travels as an episode without records, but an episode it is.
+    fn hand_over_proposal(&mut self) {
+        let Some(message) = self.link.proposal.take() else { return };
+        let name = message.name();
+        let admitted = (self.setup.admit)(&message);
+        let n_records = admitted.as_ref().map_or(1, |(_, n_records)| *n_records);
+        let Some(mut episode) = self.loan(n_records) else {
+            self.link.proposal = Some(message);
+            return;
+        };
+        match admitted {
+            Ok((policy, n_records)) => {
+                self.start(Arc::new(Served { message, policy, n_records }), episode, None, true);
+            }
+            Err(error) => {
+                tracing::warn!(rollout = name.rollout, "policy refused: {error}");
+                self.refused += 1;
+                *episode.user_header_mut() =
+                    EpisodeHeader { fault: Fault::PolicyRefused as u64, ..self.header(&name) };
+                self.send(name, episode);
+            }
+        }
+    }
+
+    fn loan(&mut self, n_records: usize) -> Option<EpisodeLoan> {
+        match self.ports.loan_episode(n_records.max(1)) {
+            Ok(episode) => {
+                self.loan_failed = false;
+                Some(episode)
+            }
+            Err(error) => {
+                if !self.loan_failed {
+                    tracing::warn!("{error}; trying again");
+                    self.loan_failed = true;
+                }
+                None
+            }
+        }
+    }
+
+    fn start(
+        &mut self,
+        served: Arc<Served<P>>,
+        episode: EpisodeLoan,
+        swap: Option<u64>,
+        is_proposal: bool,
+    ) {
+        self.active = true;
+        let job = Job { policy: served.policy.clone(), episode, swap };
+        // Never full: one rollout is in flight at a time.
+        let _ = self.ends.jobs.push(job);
+        self.in_flight = Some(InFlight { served, is_proposal, swapped: false });
+    }
+}

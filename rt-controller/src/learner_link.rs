@@ -1,0 +1,74 @@
+//! What the controller knows of its learner: the proposal it waits for, its heartbeat, its
+//! acknowledgements.
+
+use std::time::{Duration, Instant};
+
+use shm_types::SCHEMA;
+use shm_types::policy::{PolicyMsg, PolicyName};
+use shm_types::ports::ControllerPorts;
+use shm_types::telemetry::Heartbeat;
+
+pub(crate) struct LearnerLink {
+    started: Instant,
+    seen: Option<(Heartbeat, Instant)>,
+    /// Newest session and rollout reported, and up to which the learner holds its own durable.
+    reported: PolicyName,
+    durable: (u64, u64),
+    /// Received, not yet handed to the loop.
+    pub proposal: Option<PolicyMsg>,
+}
+
+impl LearnerLink {
+    pub fn new() -> LearnerLink {
+        LearnerLink {
+            started: Instant::now(),
+            seen: None,
+            reported: PolicyName::NONE,
+            durable: (0, 0),
+            proposal: None,
+        }
+    }
+
+    /// Keeps the newest proposal. One that is in flight already is not started twice; one that has
+    /// ended is run again, because only a learner that missed its episode asks again.
+    pub fn receive(&mut self, ports: &ControllerPorts, in_flight: Option<PolicyName>) {
+        while let Ok(Some(sample)) = ports.policies.receive() {
+            let message = *sample;
+            if in_flight != Some(message.name()) {
+                self.proposal = Some(message);
+            }
+        }
+        while let Ok(Some(ack)) = ports.acks.receive() {
+            if ack.schema == SCHEMA {
+                self.durable = (ack.session, ack.durable_rollout);
+            }
+        }
+        while let Ok(Some(beat)) = ports.learner_beat.receive() {
+            if beat.schema == SCHEMA && self.seen.is_none_or(|(last, _)| last != *beat) {
+                self.seen = Some((*beat, Instant::now()));
+            }
+        }
+    }
+
+    /// An episode was sent.
+    pub fn reported(&mut self, name: PolicyName) {
+        self.reported = name;
+    }
+
+    /// Episodes sent whose durability is not confirmed.
+    pub fn unacknowledged(&self) -> u64 {
+        let (session, durable) = self.durable;
+        let confirmed = if session == self.reported.session { durable } else { 0 };
+        self.reported.rollout.saturating_sub(confirmed)
+    }
+
+    /// Age of the last heartbeat.
+    pub fn age(&self) -> Option<Duration> {
+        self.seen.map(|(_, seen)| seen.elapsed())
+    }
+
+    /// No learner was heard for `after`.
+    pub fn is_absent(&self, after: Duration) -> bool {
+        self.age().unwrap_or_else(|| self.started.elapsed()) >= after
+    }
+}

@@ -1,0 +1,181 @@
+//! The rt thread: wait, measure, tick, apply, advance, record.
+//!
+//! It shares rings with the exchange thread and nothing else. What it holds of the transport is the
+//! memory of one episode, which it fills and gives back.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use physics::plant::Plant;
+use rtrb::PushError;
+use shm_types::channel::EpisodeLoan;
+use shm_types::episode::TickRecord;
+use shm_types::telemetry::TelemetryTick;
+
+use crate::config::ControllerConfig;
+use crate::fault::Fault;
+use crate::outcome_message::outcome_message;
+use crate::policy::Policy;
+use crate::recording::Recording;
+use crate::rollout::Phase;
+use crate::rt::{Clock, Wake, now_ns};
+use crate::serve::{Done, Ends};
+use crate::serving::Applied;
+use crate::tick::Controller;
+
+/// How long an unpaced loop sleeps while there is nothing to do.
+const IDLE_SLEEP: Duration = Duration::from_micros(100);
+
+/// A rollout in progress.
+struct Running {
+    episode: EpisodeLoan,
+    recording: Recording,
+    /// The swap that it fulfils, until acknowledged.
+    swap: Option<u64>,
+}
+
+pub(crate) struct RtLoop<'a, P: Plant> {
+    controller: Controller<'a>,
+    plant: &'a mut P,
+    ends: Ends<Policy>,
+    running: Option<Running>,
+    undelivered: Option<Done>,
+    /// Takes the ticks outside Execute and Settle.
+    scratch: TickRecord,
+    record_stride: usize,
+    overruns_max: u32,
+}
+
+impl<'a, P: Plant> RtLoop<'a, P> {
+    pub fn new(
+        controller: Controller<'a>,
+        plant: &'a mut P,
+        ends: Ends<Policy>,
+        config: &ControllerConfig,
+    ) -> RtLoop<'a, P> {
+        RtLoop {
+            controller,
+            plant,
+            ends,
+            running: None,
+            undelivered: None,
+            scratch: TickRecord::ZERO,
+            record_stride: config.record_stride(),
+            overruns_max: config.overruns_max,
+        }
+    }
+
+    pub fn run_paced(mut self, mut clock: Clock, stop: &AtomicBool) {
+        while !stop.load(Ordering::Relaxed) {
+            let wake = clock.wait();
+            if wake.overruns >= self.overruns_max {
+                self.controller.trip(Fault::Overrun);
+            }
+            self.begin_if_asked();
+            self.swap_if_asked();
+            self.cycle(wake);
+        }
+    }
+
+    pub fn run_unpaced(mut self, stop: &AtomicBool) {
+        while !stop.load(Ordering::Relaxed) {
+            self.begin_if_asked();
+            self.swap_if_asked();
+            if self.running.is_none() {
+                std::thread::sleep(IDLE_SLEEP);
+                continue;
+            }
+            self.cycle(Wake::UNPACED);
+        }
+    }
+
+    fn begin_if_asked(&mut self) {
+        if self.running.is_some() {
+            return;
+        }
+        if let Some(done) = self.undelivered.take() {
+            self.deliver(done);
+        }
+        if let Ok(job) = self.ends.jobs.pop() {
+            // A simulator builds a fresh world here; a robot does nothing.
+            self.plant.reset();
+            self.controller.start(&job.policy, &self.plant.measure().q);
+            let recording = Recording::new(self.record_stride);
+            self.running = Some(Running { episode: job.episode, recording, swap: job.swap });
+        }
+    }
+
+    fn swap_if_asked(&mut self) {
+        if let Ok(swap) = self.ends.swaps.pop() {
+            self.controller.swap(&swap.policy);
+            self.acknowledge(swap.seq, self.controller.tick_number(), now_ns());
+        }
+    }
+
+    /// Says that from `tick` on the policy acts that the controller now holds.
+    fn acknowledge(&mut self, seq: u64, tick: u64, at_ns: u64) {
+        let applied = Applied {
+            seq,
+            tick,
+            at_ns,
+            in_rollout: self.running.is_some(),
+            policy: *self.controller.policy(),
+        };
+        // Never full: one swap is under way at a time.
+        let _ = self.ends.applied.push(applied);
+    }
+
+    fn cycle(&mut self, wake: Wake) {
+        let measured = self.plant.measure();
+        let mut fulfilled = None;
+        let record = self.running.as_mut().and_then(|running| {
+            let begins = running.recording.begins(&self.controller);
+            let record = running.recording.next(&self.controller, running.episode.payload_mut());
+            if begins && let Some(seq) = running.swap.take() {
+                fulfilled =
+                    Some((seq, running.recording.applied_tick, running.recording.applied_ns));
+            }
+            record
+        });
+        let record = record.unwrap_or(&mut self.scratch);
+
+        let start = Instant::now();
+        let tau = self.controller.tick(&measured, record);
+        let tick_ns = start.elapsed().as_nanos() as u64;
+        // Full ring: the observer loses a tick, the loop nothing.
+        let _ = self.ends.telemetry.push(TelemetryTick {
+            tick: record.tick,
+            phase: record.phase,
+            fault: record.fault,
+            wakeup_ns: wake.late_ns,
+            tick_ns,
+            missed: wake.missed,
+            q: record.q,
+            tau: record.tau,
+        });
+
+        self.plant.apply(&tau);
+        if let Some((seq, tick, at_ns)) = fulfilled {
+            self.acknowledge(seq, tick, at_ns);
+        }
+        self.plant.advance();
+        if self.controller.phase() == Phase::Idle
+            && let Some(running) = self.running.take()
+        {
+            self.deliver(Done {
+                episode: running.episode,
+                recording: running.recording,
+                fault: self.controller.fault(),
+                outcome: outcome_message(&self.controller),
+            });
+        }
+    }
+
+    /// Hands an episode over. The ring has a place for every loan, so it is never full; should it
+    /// be, the episode waits: dropping it here would call the transport.
+    fn deliver(&mut self, done: Done) {
+        if let Err(PushError::Full(done)) = self.ends.done.push(done) {
+            self.undelivered = Some(done);
+        }
+    }
+}

@@ -1,0 +1,68 @@
+//! The cell that a command is about: its name, its folder, its controller.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use anyhow::{Result, bail};
+use rt_controller::rt::now_ns;
+use shm_types::cell::Cell;
+use shm_types::command::{Command, Reply};
+use shm_types::ports::ToolPorts;
+
+use crate::cli::CellArgs;
+use crate::config::Config;
+
+/// How long a command looks for a controller.
+const OPEN: Duration = Duration::from_secs(1);
+
+/// A cell as named on the command line, else by the configuration.
+pub struct NamedCell {
+    pub cell: Cell,
+    config: Config,
+}
+
+impl NamedCell {
+    pub fn of(args: &CellArgs) -> Result<NamedCell> {
+        let config = Config::load(args.config.as_deref())?;
+        let cell = Cell::new(args.cell.as_deref().unwrap_or(&config.cell.name))?;
+        Ok(NamedCell { cell, config })
+    }
+
+    pub fn state_dir(&self) -> PathBuf {
+        state_dir(&self.config, &self.cell)
+    }
+
+    /// Has `command` carried out; a refusal is an error with the controller's reason. Returns when
+    /// it was sent, too (monotonic clock, ns): joining the cell takes longer than many a command.
+    pub fn request(&self, command: &Command, timeout: Duration) -> Result<(Reply, u64)> {
+        let ports = ToolPorts::open(&self.cell, OPEN)?;
+        let sent_ns = now_ns();
+        let name = self.cell.name();
+        let Some(reply) = ports.request(command, timeout) else {
+            bail!(
+                "no answer from the controller of cell '{name}' within {timeout:.0?}: it may be dead, \
+                 or the swap still waits for its turn; see `skillet status --cell {name}`"
+            );
+        };
+        if reply.accepted != 1 {
+            bail!("refused by the controller of cell '{name}': {}", reply.reason_text());
+        }
+        Ok((reply, sent_ns))
+    }
+}
+
+/// Where a controller keeps what must survive it: `cell.state_dir`, else below
+/// $SKILLET_STATE_DIR, $STATE_DIRECTORY (set by systemd), $XDG_STATE_HOME/skillet or
+/// ~/.local/state/skillet.
+pub fn state_dir(config: &Config, cell: &Cell) -> PathBuf {
+    if let Some(dir) = &config.cell.state_dir {
+        return dir.clone();
+    }
+    let of = |name: &str| std::env::var_os(name).map(PathBuf::from);
+    let root = of("SKILLET_STATE_DIR")
+        .or_else(|| of("STATE_DIRECTORY"))
+        .or_else(|| of("XDG_STATE_HOME").map(|dir| dir.join("skillet")))
+        .or_else(|| of("HOME").map(|dir| dir.join(".local/state/skillet")))
+        .unwrap_or_else(|| std::env::temp_dir().join("skillet-state"));
+    root.join(cell.name())
+}

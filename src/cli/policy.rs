@@ -1,0 +1,198 @@
+//! `skillet policy`: its verbs and flags.
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand, ValueEnum};
+
+use super::PreferArg;
+
+/// Which running cell is meant.
+#[derive(Args, Clone)]
+pub struct CellArgs {
+    /// Name of the cell; `cell.name` of the configuration when absent
+    #[arg(long)]
+    pub cell: Option<String>,
+    /// Configuration file (TOML); see `skillet config`
+    #[arg(long)]
+    pub config: Option<PathBuf>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
+pub enum AtArg {
+    /// When the rollout in progress has ended
+    NextRollout,
+    /// Into the rollout in progress, blended
+    Now,
+}
+
+#[derive(Args)]
+#[command(after_help = "\
+Policies of a session, at rest:
+  skillet policy list sessions/pancake-1 --best 5
+  skillet policy modes sessions/pancake-1
+  skillet policy show sessions/pancake-1 17 --json
+  skillet policy forbid sessions/skittles-1 1       a mode; the next best is the answer
+
+Policies of a running cell:
+  skillet policy import sessions/pancake-1 --cell kitchen     its answer gets a number, say 1
+  skillet policy activate 1 --at now --cell kitchen           blended in, acknowledged with its tick
+  skillet policy pin --cell kitchen                           serve it, whatever a learner asks
+  skillet policy rollback --cell kitchen
+  skillet policy list --cell kitchen")]
+pub struct PolicyArgs {
+    #[command(subcommand)]
+    pub verb: PolicyVerb,
+}
+
+#[derive(Subcommand)]
+pub enum PolicyVerb {
+    /// List the policies of a session, one a trial; without a session those of a cell
+    #[command(after_help = "\
+Examples:
+  skillet policy list sessions/pancake-1 --best 5
+  skillet policy list --cell kitchen")]
+    List {
+        session: Option<PathBuf>,
+        /// Only the N policies of the session with the highest reward
+        #[arg(long)]
+        best: Option<usize>,
+        /// Print JSON
+        #[arg(long)]
+        json: bool,
+        #[command(flatten)]
+        cell: CellArgs,
+    },
+    /// Show the parameters of one policy, of a session or of a cell
+    #[command(after_help = "\
+Examples:
+  skillet policy show sessions/pancake-1 17 --json    0 is the initial policy
+  skillet policy show 1 --cell kitchen")]
+    Show {
+        /// Id in the session named before it, as in `policy list`; alone, number in the cell
+        #[arg(num_args = 1..=2, value_names = ["SESSION", "ID"])]
+        policy: Vec<String>,
+        /// Print JSON
+        #[arg(long)]
+        json: bool,
+        #[command(flatten)]
+        cell: CellArgs,
+    },
+    /// Show what the search has found: each mode with its best reward and its tolerance
+    #[command(after_help = "Example: skillet policy modes sessions/skittles-1 --prefer tolerant")]
+    Modes {
+        session: PathBuf,
+        /// Which mode the answer is; as the session was configured when absent
+        #[arg(long, value_enum)]
+        prefer: Option<PreferArg>,
+        /// Print JSON
+        #[arg(long)]
+        json: bool,
+    },
+    /// Forbid a mode of a session, or a policy of a cell: it may not be activated any more
+    #[command(after_help = "\
+Examples:
+  skillet policy forbid sessions/skittles-1 1
+  skillet policy forbid sessions/skittles-1 none    allow every mode again
+  skillet policy forbid 3 --cell kitchen            `allow 3` takes it back")]
+    Forbid {
+        /// Mode of the session named before it, as in `policy modes`, or `none`; alone, number in
+        /// the cell
+        #[arg(num_args = 1..=2, value_names = ["SESSION", "MODE"])]
+        policy: Vec<String>,
+        #[command(flatten)]
+        cell: CellArgs,
+    },
+    /// Allow a forbidden policy of a cell again
+    #[command(after_help = "Example: skillet policy allow 3 --cell kitchen")]
+    Allow {
+        /// Number in the cell
+        id: u64,
+        #[command(flatten)]
+        cell: CellArgs,
+    },
+    /// Print a policy as JSON: the answer of a session, or one of a cell
+    #[command(after_help = "\
+Examples:
+  skillet policy export sessions/skittles-1 --prefer best > flip.json
+  skillet policy export 3 --cell kitchen
+  skillet policy export last-good --cell kitchen")]
+    Export {
+        /// Session folder, number in the cell, or last-good
+        from: String,
+        /// Which mode of the session; as it was configured when absent
+        #[arg(long, value_enum)]
+        prefer: Option<PreferArg>,
+        /// This mode of the session, preferred or not
+        #[arg(long, conflicts_with = "prefer")]
+        mode: Option<usize>,
+        #[command(flatten)]
+        cell: CellArgs,
+    },
+    /// Check a policy and give it a number in a running cell
+    #[command(after_help = "\
+Examples:
+  skillet policy import flip.json --cell kitchen
+  skillet policy import sessions/pancake-1 --cell kitchen           the session's answer
+  skillet policy import sessions/pancake-1 --id 91 --cell kitchen   policy of one trial
+
+The controller checks bounds and stiffness and runs the policy on an ideal arm first; what it refuses
+it names.")]
+    Import {
+        /// JSON of a policy, as `policy export` prints it, or a session folder
+        from: PathBuf,
+        /// Policy of the session, as in `policy list`
+        #[arg(long, conflicts_with_all = ["prefer", "mode"])]
+        id: Option<u64>,
+        /// Which mode of the session; as it was configured when absent
+        #[arg(long, value_enum)]
+        prefer: Option<PreferArg>,
+        /// This mode of the session, preferred or not
+        #[arg(long, conflicts_with = "prefer")]
+        mode: Option<usize>,
+        /// Print JSON
+        #[arg(long)]
+        json: bool,
+        #[command(flatten)]
+        cell: CellArgs,
+    },
+    /// Make a policy the active one; returns when it is applied, with the exact tick
+    #[command(after_help = "\
+Examples:
+  skillet policy activate 1 --cell kitchen
+  skillet policy activate 1 --at now --cell kitchen --json
+  skillet policy activate last-good --cell kitchen")]
+    Activate {
+        /// Number in the cell, or last-good
+        id: String,
+        #[arg(long, value_enum, default_value_t = AtArg::NextRollout)]
+        at: AtArg,
+        /// Print JSON
+        #[arg(long)]
+        json: bool,
+        #[command(flatten)]
+        cell: CellArgs,
+    },
+    /// Serve the active policy rollout after rollout, whatever a learner asks; survives a restart
+    #[command(after_help = "Example: skillet policy pin --cell kitchen")]
+    Pin {
+        #[command(flatten)]
+        cell: CellArgs,
+    },
+    /// Let the learner's proposals in again
+    #[command(after_help = "Example: skillet policy unpin --cell kitchen")]
+    Unpin {
+        #[command(flatten)]
+        cell: CellArgs,
+    },
+    /// Go back to the policy that was active before, else to the last good one
+    #[command(after_help = "Example: skillet policy rollback --cell kitchen")]
+    Rollback {
+        #[arg(long, value_enum, default_value_t = AtArg::Now)]
+        at: AtArg,
+        /// Print JSON
+        #[arg(long)]
+        json: bool,
+        #[command(flatten)]
+        cell: CellArgs,
+    },
+}

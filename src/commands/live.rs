@@ -1,0 +1,186 @@
+//! `skillet policy import | activate | pin | …`: the policies of a running cell.
+
+use std::hash::{BuildHasher, Hasher, RandomState};
+use std::path::Path;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use anyhow::{Context, Result, bail};
+use rt_controller::rt::now_ns;
+use rt_controller::state_file::State;
+use serde_json::json;
+use shm_types::command::{
+    AT_NEXT_ROLLOUT, AT_NOW, COMMAND_ACTIVATE, COMMAND_IMPORT, COMMAND_ROLLBACK, Command,
+    LAST_GOOD, Reply,
+};
+use shm_types::policy::PolicyMsg;
+use shm_types::policy_json;
+
+use crate::Verdict;
+use crate::cell::NamedCell;
+use crate::cli::AtArg;
+use crate::output::{print, print_json};
+
+/// What is carried out at once, and what may have to wait for a rollout and an approach.
+const SOON: Duration = Duration::from_secs(5);
+const NEXT_ROLLOUT: Duration = Duration::from_secs(60);
+
+/// Number of the last good policy, on the command line.
+const LAST_GOOD_WORD: &str = "last-good";
+
+/// A command with an id that nobody else uses.
+fn command(kind: u64) -> Command {
+    Command::new(kind, RandomState::new().build_hasher().finish())
+}
+
+pub fn import(cell: &NamedCell, policy: PolicyMsg, as_json: bool) -> Result<Verdict> {
+    let (reply, _) = cell.request(&Command { policy, ..command(COMMAND_IMPORT) }, SOON)?;
+    let (id, digest) = (reply.policy.policy_id, reply.policy.digest);
+    if as_json {
+        print_json(&json!({ "policy_id": id, "digest": format!("{digest:016x}") }))?;
+    } else {
+        let name = cell.cell.name();
+        print(&format!(
+            "policy {id} admitted; `skillet policy activate {id} --cell {name}` puts it to work\n"
+        ))?;
+    }
+    Ok(Verdict::Done)
+}
+
+/// A policy from the JSON in a file.
+pub fn read(path: &Path) -> Result<PolicyMsg> {
+    let name = path.display();
+    let text = std::fs::read_to_string(path)
+        .with_context(|| format!("{name}: cannot read the policy; check the path"))?;
+    policy_json::from_json(&text).with_context(|| format!("{name}: not a whole, valid policy"))
+}
+
+pub fn activate(cell: &NamedCell, id: &str, at: AtArg, as_json: bool) -> Result<Verdict> {
+    let policy_id = if id == LAST_GOOD_WORD { LAST_GOOD } else { number(id)? };
+    swap(cell, Command { policy_id, ..command(COMMAND_ACTIVATE) }, at, as_json)
+}
+
+pub fn rollback(cell: &NamedCell, at: AtArg, as_json: bool) -> Result<Verdict> {
+    swap(cell, command(COMMAND_ROLLBACK), at, as_json)
+}
+
+/// A number of the cell's catalogue.
+pub fn number(id: &str) -> Result<u64> {
+    match id.parse() {
+        Ok(id) if id > 0 => Ok(id),
+        _ => bail!(
+            "policy '{id}': give its number, as in `skillet policy list`, or {LAST_GOOD_WORD}"
+        ),
+    }
+}
+
+fn swap(cell: &NamedCell, command: Command, at: AtArg, as_json: bool) -> Result<Verdict> {
+    let (at, timeout) = match at {
+        AtArg::Now => (AT_NOW, SOON),
+        AtArg::NextRollout => (AT_NEXT_ROLLOUT, NEXT_ROLLOUT),
+    };
+    let (reply, sent_ns) = cell.request(&Command { at, ..command }, timeout)?;
+    let age = Duration::from_nanos(now_ns().saturating_sub(reply.applied_ns));
+    let applied = (SystemTime::now() - age).duration_since(UNIX_EPOCH)?;
+    let latency_ms = reply.applied_ns.saturating_sub(sent_ns) as f64 * 1e-6;
+    if as_json {
+        print_json(&json!({
+            "policy_id": reply.policy.policy_id,
+            "session": reply.policy.session,
+            "digest": format!("{:016x}", reply.policy.digest),
+            "applied_tick": reply.applied_tick,
+            "applied_monotonic_ns": reply.applied_ns,
+            "applied_unix_s": applied.as_secs_f64(),
+            "latency_ms": latency_ms,
+        }))?;
+    } else {
+        let (policy, tick) = (reply.policy.describe(), reply.applied_tick);
+        print(&format!(
+            "policy {policy} applied at tick {tick}, {latency_ms:.2} ms after it was asked for\n"
+        ))?;
+    }
+    Ok(Verdict::Done)
+}
+
+/// A command about what is served; says what is.
+pub fn change(cell: &NamedCell, kind: u64, policy_id: u64) -> Result<Verdict> {
+    let (reply, _) = cell.request(&Command { policy_id, ..command(kind) }, SOON)?;
+    print(&format!("{}\n", served(&reply)))?;
+    Ok(Verdict::Done)
+}
+
+fn served(reply: &Reply) -> String {
+    let status = &reply.status;
+    let pinned = if status.pinned == 1 { "pinned" } else { "not pinned: a learner comes first" };
+    let (active, good) = (status.active.describe(), status.last_good.describe());
+    format!("active policy {active} ({pinned}); last good policy {good}")
+}
+
+/// The catalogue as it is on disk: it needs no controller.
+pub fn list(cell: &NamedCell, as_json: bool) -> Result<Verdict> {
+    let dir = cell.state_dir();
+    let state = State::read(&dir)?;
+    let digest = |policy: &Option<PolicyMsg>| policy.map(|policy| policy.digest);
+    let (active, good) = (digest(&state.active), digest(&state.last_good));
+    let remarks = |policy: &PolicyMsg| -> Vec<&str> {
+        let is = |digest| digest == Some(policy.digest);
+        let all = [
+            (is(active), "active"),
+            (is(active) && state.pinned, "pinned"),
+            (is(good), "last good"),
+            (state.forbidden.contains(&policy.policy_id), "forbidden"),
+        ];
+        all.iter().filter(|(is, _)| *is).map(|(_, remark)| *remark).collect()
+    };
+    if as_json {
+        let row = |policy: &PolicyMsg| {
+            json!({
+                "policy_id": policy.policy_id,
+                "digest": format!("{:016x}", policy.digest),
+                "components": policy.n_components,
+                "task_dim": policy.task_dim,
+                "duration_s": policy.duration_s,
+                "remarks": remarks(policy),
+            })
+        };
+        let rows: Vec<_> = state.policies.values().map(row).collect();
+        let good = state.last_good.map(|good| good.name().describe());
+        let active = state.active.map(|active| active.name().describe());
+        print_json(&json!({
+            "state_dir": dir, "active": active, "pinned": state.pinned, "last_good": good,
+            "policies": rows,
+        }))?;
+        return Ok(Verdict::Done);
+    }
+    let mut text = "policy  components  coordinates  duration s\n".to_string();
+    for policy in state.policies.values() {
+        let PolicyMsg { policy_id, n_components, task_dim, duration_s, .. } = policy;
+        let remarks = remarks(policy).join(", ");
+        text += &format!(
+            "{policy_id:6}  {n_components:10}  {task_dim:11}  {duration_s:10.2}  {remarks}\n"
+        );
+    }
+    if let Some(good) = state.last_good.filter(|good| good.session != 0) {
+        text += &format!("last good: policy {}\n", good.name().describe());
+    }
+    print(&text)?;
+    Ok(Verdict::Done)
+}
+
+/// A policy of the cell's folder: by its number, or the last good one.
+pub fn stored(cell: &NamedCell, id: &str) -> Result<PolicyMsg> {
+    let dir = cell.state_dir();
+    let state = State::read(&dir)?;
+    let name = cell.cell.name();
+    if id == LAST_GOOD_WORD {
+        return state
+            .last_good
+            .with_context(|| format!("cell '{name}' ({}) has no good policy yet", dir.display()));
+    }
+    state.policies.get(&number(id)?).copied().with_context(|| {
+        format!(
+            "policy {id} does not exist in cell '{name}' ({}); `skillet policy list --cell {name}` \
+             shows those that do",
+            dir.display()
+        )
+    })
+}
