@@ -1,11 +1,12 @@
 //! The rules of the hot path, shown on a simulated WAM: no heap, no panic, torques within limits
 //! whatever is measured and whatever policy was admitted.
 
+mod common;
+
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
 use physics::arm::{ArmModel, JointVector};
-use physics::outcome::OutcomeConfig;
 use physics::pancake::{PancakeConfig, PancakePlant, WAM7_START_POSTURE};
 use physics::plant::{Measurement, Plant};
 use rt_controller::ControllerConfig;
@@ -15,6 +16,8 @@ use rt_controller::rollout::Phase;
 use rt_controller::tick::{Controller, Fault};
 use shm_types::episode::TickRecord;
 use shm_types::policy::{PolicyMsg, packed_index};
+
+use common::{controller, message, wam};
 
 /// Counts heap operations of the threads that ask for it.
 struct CountingAllocator;
@@ -50,29 +53,6 @@ fn heap_operations(f: impl FnOnce()) -> u64 {
     HEAP_OPERATIONS.replace(None).unwrap()
 }
 
-fn wam() -> ArmModel {
-    ArmModel::from_urdf(include_str!("../../robots/wam7/wam7_pan.urdf"), "pan").unwrap()
-}
-
-/// Eight springs that shake the pan; `amplitude` in m.
-fn message(amplitude: f64, stiffness: f64) -> PolicyMsg {
-    let mut message = PolicyMsg { task_dim: 4, n_components: 8, ..PolicyMsg::EMPTY };
-    message.duration_s = 1.4;
-    message.damping = 2.0 * stiffness.sqrt();
-    message.orientation_stiffness = 400.0;
-    message.orientation_damping = 40.0;
-    for (i, component) in message.components.iter_mut().take(8).enumerate() {
-        component.center = 0.2 * i as f64;
-        component.width = 0.1;
-        let sign = if i % 2 == 0 { 1.0 } else { -1.0 };
-        component.attractor = [0.78, 0.0, 0.72 + sign * amplitude, sign * amplitude, 0.0, 0.0];
-        for row in 0..4 {
-            component.stiffness[packed_index(row, row)] = stiffness;
-        }
-    }
-    message.sealed()
-}
-
 struct Bench {
     model: ArmModel,
     config: ControllerConfig,
@@ -89,10 +69,6 @@ impl Bench {
     fn admit(&self, message: &PolicyMsg) -> Policy {
         admit(message, &self.model, &self.config).unwrap()
     }
-}
-
-fn controller<'a>(model: &'a ArmModel, config: &ControllerConfig) -> Controller<'a> {
-    Controller::new(model, &WAM7_START_POSTURE, config, &OutcomeConfig::default())
 }
 
 /// One rollout; `measure` may tamper with what the controller sees, `check` sees every tick.

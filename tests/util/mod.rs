@@ -40,6 +40,7 @@ impl Bench {
             .args(arguments)
             .current_dir(self.dir.path())
             .env("SKILLET_RUNTIME_DIR", self.path("run"))
+            .env("SKILLET_STATE_DIR", self.path("state"))
             .env_remove("RUST_LOG")
             .stdin(Stdio::null());
         command

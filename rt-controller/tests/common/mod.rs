@@ -1,0 +1,47 @@
+//! The arm and the policies that the tests of the loop share.
+#![allow(dead_code)] // each test file uses its own part
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use physics::arm::ArmModel;
+use physics::outcome::OutcomeConfig;
+use physics::pancake::WAM7_START_POSTURE;
+use rt_controller::ControllerConfig;
+use rt_controller::tick::Controller;
+use shm_types::policy::{PolicyMsg, packed_index};
+
+pub fn wam() -> ArmModel {
+    ArmModel::from_urdf(include_str!("../../../robots/wam7/wam7_pan.urdf"), "pan").unwrap()
+}
+
+/// Eight springs that shake the pan; `amplitude` in m.
+pub fn message(amplitude: f64, stiffness: f64) -> PolicyMsg {
+    let mut message = PolicyMsg { task_dim: 4, n_components: 8, ..PolicyMsg::EMPTY };
+    message.duration_s = 1.4;
+    message.damping = 2.0 * stiffness.sqrt();
+    message.orientation_stiffness = 400.0;
+    message.orientation_damping = 40.0;
+    for (i, component) in message.components.iter_mut().take(8).enumerate() {
+        component.center = 0.2 * i as f64;
+        component.width = 0.1;
+        let sign = if i % 2 == 0 { 1.0 } else { -1.0 };
+        component.attractor = [0.78, 0.0, 0.72 + sign * amplitude, sign * amplitude, 0.0, 0.0];
+        for row in 0..4 {
+            component.stiffness[packed_index(row, row)] = stiffness;
+        }
+    }
+    message.sealed()
+}
+
+pub fn controller<'a>(model: &'a ArmModel, config: &ControllerConfig) -> Controller<'a> {
+    Controller::new(model, &WAM7_START_POSTURE, config, &OutcomeConfig::default())
+}
+
+/// Stops a controller when its test ends, by a panic as well: nobody waits for it for ever.
+pub struct Stopping<'a>(pub &'a AtomicBool);
+
+impl Drop for Stopping<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}

@@ -1,0 +1,231 @@
+//! The rules of the whole rt thread, shown on a running cell: while policies are swapped into it
+//! over the real transport, the thread touches no heap and makes no system call but the sleep.
+//!
+//! The plant is the spy: it is called on the rt thread, in every tick. The system calls are taken
+//! away from the thread by a filter that kills the process; that test runs itself again as a child.
+
+mod common;
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell as LocalCell;
+use std::os::unix::process::ExitStatusExt;
+use std::process::{Command as Process, Output};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::Duration;
+
+use common::{Stopping, message, wam};
+use physics::arm::JointVector;
+use physics::ideal::IdealArm;
+use physics::outcome::OutcomeConfig;
+use physics::pancake::WAM7_START_POSTURE;
+use physics::plant::{Measurement, Plant};
+use rt_controller::run::Controlled;
+use rt_controller::{ControllerConfig, Pace, RunSummary};
+use seccompiler::{SeccompAction, SeccompFilter, apply_filter};
+use shm_types::cell::{Cell, runtime_dir};
+use shm_types::command::{
+    AT_NOW, COMMAND_ACTIVATE, COMMAND_IMPORT, COMMAND_PIN, COMMAND_STOP, Command, Reply,
+};
+use shm_types::ports::ToolPorts;
+
+const SOON: Duration = Duration::from_secs(30);
+
+/// Counts heap operations of threads that are being watched.
+struct CountingAllocator;
+
+thread_local! {
+    static IS_WATCHED: LocalCell<bool> = const { LocalCell::new(false) };
+}
+static HEAP_OPERATIONS: AtomicU64 = AtomicU64::new(0);
+/// Ticks of the spy.
+static TICKS: AtomicU64 = AtomicU64::new(0);
+
+fn count() {
+    if IS_WATCHED.try_with(LocalCell::get).unwrap_or(false) {
+        HEAP_OPERATIONS.fetch_add(1, Ordering::Relaxed);
+    }
+}
+
+#[allow(unsafe_code)]
+// SAFETY: every call goes to the system allocator unchanged.
+unsafe impl GlobalAlloc for CountingAllocator {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count();
+        unsafe { System.alloc(layout) }
+    }
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        count();
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: CountingAllocator = CountingAllocator;
+
+/// What the spy does besides being an arm.
+#[derive(Clone, Copy, PartialEq)]
+enum Deed {
+    /// Watches the heap for so many ticks.
+    Watch(u64),
+    /// The same, and allocates in one of them.
+    WatchAndAllocate(u64),
+    /// Gives every system call but the sleep away.
+    Confine,
+    /// The same, and writes to standard error in one tick.
+    ConfineAndLog,
+}
+
+struct Spy<'a> {
+    arm: IdealArm<'a>,
+    deed: Deed,
+    ticks: u64,
+}
+
+impl Plant for Spy<'_> {
+    fn reset(&mut self) {
+        self.arm.reset();
+    }
+
+    fn measure(&self) -> Measurement {
+        self.arm.measure()
+    }
+
+    fn apply(&mut self, tau: &JointVector) {
+        self.arm.apply(tau);
+    }
+
+    fn advance(&mut self) {
+        self.arm.advance();
+        // The trial of the period runs elsewhere.
+        if self.ticks == 0 && std::thread::current().name() != Some("skillet-rt") {
+            return;
+        }
+        self.ticks += 1;
+        TICKS.store(self.ticks, Ordering::Relaxed);
+        match (self.deed, self.ticks) {
+            (Deed::Watch(_) | Deed::WatchAndAllocate(_), 1) => IS_WATCHED.set(true),
+            (Deed::Confine | Deed::ConfineAndLog, 1) => apply_filter(&only_sleep()).unwrap(),
+            (Deed::WatchAndAllocate(_), 500) => drop(std::hint::black_box(Box::new(1))),
+            (Deed::ConfineAndLog, 500) => eprintln!("a tick that logs"),
+            (Deed::Watch(n) | Deed::WatchAndAllocate(n), ticks) if ticks == n => {
+                IS_WATCHED.set(false);
+            }
+            _ => {}
+        }
+    }
+}
+
+/// Kills the process at any other call than those of a sleep. Where the kernel's
+/// clock is not mapped into the process, reading it is a call, too.
+fn only_sleep() -> seccompiler::BpfProgram {
+    let allowed = [libc::SYS_clock_nanosleep, libc::SYS_clock_gettime, libc::SYS_restart_syscall];
+    let rules = allowed.into_iter().map(|call| (call, vec![])).collect();
+    let (kill, pass) = (SeccompAction::KillProcess, SeccompAction::Allow);
+    let arch = std::env::consts::ARCH.try_into().unwrap();
+    SeccompFilter::new(rules, kill, pass, arch).unwrap().try_into().unwrap()
+}
+
+fn request(tool: &ToolPorts, command: Command) -> Reply {
+    let reply = tool.request(&command, SOON).expect("an answer");
+    assert_eq!(reply.accepted, 1, "{}", reply.reason_text());
+    reply
+}
+
+/// Runs a cell whose plant does `deed`, and swaps two policies in turn until `is_over`; returns the
+/// controller's summary and the swaps acknowledged.
+fn run_cell(name: &str, pace: Pace, deed: Deed, is_over: impl Fn() -> bool) -> (RunSummary, u64) {
+    let cell = Cell::new(&format!("{name}-{}", std::process::id())).unwrap();
+    let config = ControllerConfig { blend_s: 0.002, ..Default::default() };
+    let stop = AtomicBool::new(false);
+    let result = std::thread::scope(|scope| {
+        let controller = scope.spawn(|| {
+            let model = wam();
+            let arm = IdealArm::new(&model, &WAM7_START_POSTURE, config.period_s(), 0.01);
+            let mut spy = Spy { arm, deed, ticks: 0 };
+            let outcome = OutcomeConfig::default();
+            let (plant, q0) = (&mut spy, WAM7_START_POSTURE);
+            let controlled = Controlled { model: &model, plant, q0, outcome };
+            rt_controller::run(&cell, &config, pace, controlled, None, &stop).unwrap()
+        });
+        let _stopping = Stopping(&stop);
+        let tool = ToolPorts::open(&cell, SOON).unwrap();
+        let mut id = 1;
+        let mut new = |kind| {
+            id += 1;
+            Command::new(kind, id)
+        };
+        let policies = [message(0.02, 200.0), message(-0.02, 250.0)].map(|policy| {
+            request(&tool, Command { policy, ..new(COMMAND_IMPORT) }).policy.policy_id
+        });
+        let mut swap = |policy_id| Command { policy_id, at: AT_NOW, ..new(COMMAND_ACTIVATE) };
+        request(&tool, swap(policies[0]));
+        request(&tool, Command::new(COMMAND_PIN, 0));
+        let mut swaps = 1;
+        while !is_over() {
+            let reply = tool.request(&swap(policies[swaps % 2]), SOON).expect("an answer");
+            // Too early is an answer, too: the last one is still fading in.
+            swaps += reply.accepted as usize;
+        }
+        request(&tool, Command::new(COMMAND_STOP, 1));
+        (controller.join().unwrap(), swaps as u64)
+    });
+    cell.remove_if_idle();
+    result
+}
+
+#[test]
+fn the_loop_touches_no_heap_in_100_000_ticks_with_swaps() {
+    // One after the other: there is one counter.
+    let watch = |deed, n| {
+        HEAP_OPERATIONS.store(0, Ordering::Relaxed);
+        TICKS.store(0, Ordering::Relaxed);
+        let is_over = || TICKS.load(Ordering::Relaxed) > n;
+        let (summary, swaps) = run_cell("heap", Pace::Max, deed, is_over);
+        (summary, swaps, HEAP_OPERATIONS.load(Ordering::Relaxed))
+    };
+    let (summary, swaps, operations) = watch(Deed::Watch(100_000), 100_000);
+    assert!(summary.ticks >= 100_000, "only {} ticks", summary.ticks);
+    assert!(swaps > 100 && summary.swaps == swaps, "{swaps} of {}", summary.swaps);
+    assert_eq!(operations, 0, "in {} ticks with {swaps} swaps", summary.ticks);
+
+    let (_, _, operations) = watch(Deed::WatchAndAllocate(1000), 1000);
+    assert_eq!(operations, 2, "the guard sees a tick that allocates");
+}
+
+/// Runs one test of this file as a process of its own.
+fn again(test: &str) -> Output {
+    let arguments = ["--exact", test, "--ignored", "--nocapture"];
+    Process::new(std::env::current_exe().unwrap()).args(arguments).output().unwrap()
+}
+
+#[test]
+fn the_loop_makes_no_system_call_but_the_sleep() {
+    let good = again("confined");
+    let leftovers = || ["calls-", "logs-"].map(|cell| Cell::remove_idle(&runtime_dir(), cell));
+    leftovers();
+    let said = String::from_utf8_lossy(&good.stderr).into_owned();
+    assert_eq!(good.status.code(), Some(0), "{:?}: {said}", good.status);
+    let bad = again("confined_and_logging");
+    leftovers();
+    assert_eq!(bad.status.signal(), Some(libc::SIGSYS), "the filter catches a tick that logs");
+}
+
+/// The confined thread cannot even end: the process ends around it.
+fn end_after_3000_ticks() -> bool {
+    if TICKS.load(Ordering::Relaxed) > 3000 {
+        std::process::exit(0);
+    }
+    false
+}
+
+#[test]
+#[ignore = "ends its process; run by the test above"]
+fn confined() {
+    run_cell("calls", Pace::Realtime, Deed::Confine, end_after_3000_ticks);
+}
+
+#[test]
+#[ignore = "ends its process; run by the test above"]
+fn confined_and_logging() {
+    run_cell("logs", Pace::Realtime, Deed::ConfineAndLog, end_after_3000_ticks);
+}
