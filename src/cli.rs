@@ -1,5 +1,7 @@
 //! Every command and flag.
 
+pub mod doctor;
+
 use std::num::NonZero;
 use std::path::PathBuf;
 
@@ -34,6 +36,8 @@ pub enum Verb {
     Report(ReportArgs),
     /// Repeat a study over many seeds: success rates with intervals, comparisons, figures
     Study(StudyArgs),
+    /// Grade this host for hard real time, and say what to mend
+    Doctor(doctor::DoctorArgs),
     /// Show the configuration in effect
     Config(ConfigArgs),
 }

@@ -4,6 +4,8 @@ mod children;
 mod cli;
 mod commands;
 mod config;
+mod doctor;
+mod host;
 mod log;
 mod output;
 mod progress;
@@ -36,6 +38,7 @@ fn main() -> ExitCode {
         Verb::Policy(args) => commands::policy::run(args),
         Verb::Report(args) => commands::report::run(args),
         Verb::Study(args) => commands::study::run(args),
+        Verb::Doctor(args) => commands::doctor::run(args),
         Verb::Config(args) => commands::config::run(args),
     };
     match result {

@@ -2,6 +2,7 @@
 
 pub mod config;
 pub mod controller;
+pub mod doctor;
 pub mod learn;
 pub mod learner;
 pub mod modes;
