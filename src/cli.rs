@@ -1,5 +1,6 @@
 //! Every command and flag.
 
+pub mod bench;
 pub mod doctor;
 
 use std::num::NonZero;
@@ -38,6 +39,8 @@ pub enum Verb {
     Study(StudyArgs),
     /// Grade this host for hard real time, and say what to mend
     Doctor(doctor::DoctorArgs),
+    /// Measure how long things take on this host
+    Bench(bench::BenchArgs),
     /// Show the configuration in effect
     Config(ConfigArgs),
 }

@@ -1,5 +1,6 @@
 //! `skillet`: parse → run → exit code. No mathematics and no transport details in this crate.
 
+mod bench;
 mod children;
 mod cli;
 mod commands;
@@ -39,6 +40,7 @@ fn main() -> ExitCode {
         Verb::Report(args) => commands::report::run(args),
         Verb::Study(args) => commands::study::run(args),
         Verb::Doctor(args) => commands::doctor::run(args),
+        Verb::Bench(args) => commands::bench::run(args),
         Verb::Config(args) => commands::config::run(args),
     };
     match result {
