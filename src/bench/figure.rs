@@ -12,7 +12,7 @@ const BOTTOM: f64 = 26.0;
 const TOP: f64 = 44.0;
 /// Height of a line of the legend, and width of a character in it.
 const LINE: f64 = 19.0;
-const CHARACTER: f64 = 7.2;
+const CHARACTER: f64 = 7.8;
 /// Bins a decade.
 const BINS: f64 = 24.0;
 /// Where the count axis begins: below one, so that a single value is seen.
