@@ -54,7 +54,7 @@ pub fn granted(subject: &Subject) -> Finding {
     not_good(
         grade,
         found,
-        "mend the limits above; in a container also `--cap-add SYS_NICE,IPC_LOCK`",
+        "mend the limits above; in a container also `--cap-add SYS_NICE --cap-add IPC_LOCK`",
     )
 }
 
