@@ -1,5 +1,8 @@
 //! Every command and flag.
 
+pub mod bench;
+pub mod doctor;
+
 use std::num::NonZero;
 use std::path::PathBuf;
 
@@ -38,6 +41,10 @@ pub enum Verb {
     Report(ReportArgs),
     /// Repeat a study over many seeds: success rates with intervals, comparisons, figures
     Study(StudyArgs),
+    /// Grade this host for hard real time, and say what to mend
+    Doctor(doctor::DoctorArgs),
+    /// Measure how long things take on this host
+    Bench(bench::BenchArgs),
     /// Show the configuration in effect
     Config(ConfigArgs),
 }

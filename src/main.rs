@@ -1,10 +1,13 @@
 //! `skillet`: parse → run → exit code. No mathematics and no transport details in this crate.
 
+mod bench;
 mod cell;
 mod children;
 mod cli;
 mod commands;
 mod config;
+mod doctor;
+mod host;
 mod log;
 mod output;
 mod progress;
@@ -37,6 +40,8 @@ fn main() -> ExitCode {
         Verb::Policy(args) => commands::policy::run(args),
         Verb::Report(args) => commands::report::run(args),
         Verb::Study(args) => commands::study::run(args),
+        Verb::Doctor(args) => commands::doctor::run(args),
+        Verb::Bench(args) => commands::bench::run(args),
         Verb::Config(args) => commands::config::run(args),
     };
     match result {

@@ -11,6 +11,7 @@ mod message;
 pub mod cell;
 pub mod channel;
 pub mod command;
+pub mod echo;
 pub mod episode;
 pub mod policy;
 pub mod policy_json;

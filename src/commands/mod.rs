@@ -1,7 +1,9 @@
 //! One file a verb.
 
+pub mod bench;
 pub mod config;
 pub mod controller;
+pub mod doctor;
 pub mod learn;
 pub mod learner;
 pub mod live;

@@ -23,7 +23,7 @@ mod sample;
 mod side_view;
 mod stiffness;
 mod strip;
-mod style;
+pub mod style;
 mod summary;
 pub mod svg;
 

@@ -33,6 +33,8 @@ svg .line.learnt{stroke:var(--learnt)}
 svg .line.initial{stroke:var(--initial)}
 svg .line.best{stroke:var(--best)}
 svg .line.mean{stroke:var(--mean)}
+svg .line.top{stroke:var(--top)}
+svg .line.bottom{stroke:var(--bottom)}
 svg .line.attractor{stroke:var(--mean);stroke-width:1.5px;stroke-dasharray:5 4}
 svg .dot.success{fill:var(--learnt);stroke:var(--learnt)}
 svg .dot.failure{fill:var(--paper);stroke:var(--axis);stroke-width:1.3px}

@@ -1,0 +1,135 @@
+//! What the benches of the loop work on: the built-in arm, policies of any size, varied states.
+
+use anyhow::Result;
+use nalgebra::Vector6;
+use physics::arm::{ArmModel, JointVector, TipKinematics};
+use physics::outcome::OutcomeConfig;
+use physics::pancake::{PancakeConfig, PancakePlant};
+use physics::plant::Plant;
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use rt_controller::admission::admit;
+use rt_controller::policy::Policy;
+use rt_controller::rollout::Phase;
+use rt_controller::task::TaskState;
+use rt_controller::tick::Controller;
+use rt_controller::wrench::ArmState;
+use shm_types::episode::TickRecord;
+use shm_types::policy::{PolicyMsg, packed_index};
+
+use crate::config::Config;
+use crate::setup;
+
+/// Length of the policies, s.
+pub const DURATION_S: f64 = 1.4;
+/// States are within this part of the joints' ranges and speeds.
+const REACH: f64 = 0.9;
+const SPEED: f64 = 0.5;
+
+/// Arm and configuration, by default.
+pub struct Arm {
+    pub config: Config,
+    pub model: ArmModel,
+    pub q0: JointVector,
+}
+
+/// A configuration the arm may be in, and what a policy and a posture ask of it there.
+pub struct State {
+    pub q: JointVector,
+    pub qd: JointVector,
+    pub t_s: f64,
+    pub task: TaskState,
+    pub arm: ArmState,
+    pub xdd: Vector6<f64>,
+    pub qdd: JointVector,
+}
+
+impl Arm {
+    pub fn new() -> Result<Arm> {
+        let config = Config::default();
+        let (model, q0) = (setup::arm(&config)?, config.plant.start_posture());
+        Ok(Arm { config, model, q0 })
+    }
+
+    pub fn world(&self, sub_steps: usize) -> PancakeConfig {
+        let world = self.config.plant.world(self.config.controller.period_s());
+        PancakeConfig { solver_iterations: sub_steps, ..world }
+    }
+
+    /// `n` states from one seed: the same in every run.
+    pub fn states(&self, n: usize) -> Vec<State> {
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let limits = self.model.limits();
+        let mut draw = |low: f64, high: f64| low + (high - low) * rng.random::<f64>();
+        let state = |_| {
+            let q =
+                JointVector::from_fn(|i, _| draw(REACH * limits.q_min[i], REACH * limits.q_max[i]));
+            let qd = JointVector::from_fn(|i, _| {
+                draw(-SPEED * limits.qd_max[i], SPEED * limits.qd_max[i])
+            });
+            State {
+                q,
+                qd,
+                t_s: draw(0.0, DURATION_S),
+                task: TaskState::new(&TipKinematics::new(&self.model, &q, &qd)),
+                arm: ArmState::new(&self.model, &q, &qd),
+                xdd: Vector6::from_fn(|_, _| draw(-5.0, 5.0)),
+                qdd: JointVector::from_fn(|_, _| draw(-5.0, 5.0)),
+            }
+        };
+        (0..n).map(state).collect()
+    }
+
+    /// Springs that move the pan up and down by a few centimetres, evenly over the duration.
+    pub fn policy(&self, components: usize, dims: usize) -> Result<Policy> {
+        let (n_components, task_dim) = (components as u32, dims as u32);
+        let mut message = PolicyMsg { task_dim, n_components, ..PolicyMsg::EMPTY };
+        let stiffness = 200.0_f64;
+        message.duration_s = DURATION_S;
+        message.damping = 2.0 * stiffness.sqrt();
+        message.orientation_stiffness = 400.0;
+        message.orientation_damping = 40.0;
+        let spacing = DURATION_S / components as f64;
+        for (i, component) in message.components.iter_mut().take(components).enumerate() {
+            component.center = (i as f64 + 0.5) * spacing;
+            component.width = 0.5 * spacing;
+            let z = if i % 2 == 0 { 0.74 } else { 0.70 };
+            component.attractor = [0.78, 0.0, z, 0.0, 0.0, 0.0];
+            for row in 0..dims {
+                component.stiffness[packed_index(row, row)] = stiffness;
+            }
+        }
+        Ok(admit(&message.sealed(), &self.model, &self.config.controller)?)
+    }
+}
+
+/// A loop without pace or transport that goes from rollout to rollout.
+pub struct Loop<'a> {
+    pub controller: Controller<'a>,
+    pub plant: PancakePlant,
+    policy: Policy,
+    pub record: TickRecord,
+}
+
+impl<'a> Loop<'a> {
+    pub fn new(arm: &'a Arm, policy: Policy, sub_steps: usize) -> Loop<'a> {
+        let (model, config) = (&arm.model, &arm.config.controller);
+        let plant = PancakePlant::new(model, &arm.q0, &arm.world(sub_steps));
+        let controller = Controller::new(model, &arm.q0, config, &OutcomeConfig::default());
+        Loop { controller, plant, policy, record: TickRecord::ZERO }
+    }
+
+    /// Starts the next rollout when the last one has ended.
+    pub fn begin_if_idle(&mut self) {
+        if self.controller.phase() == Phase::Idle {
+            self.plant.reset();
+            self.controller.start(&self.policy, &self.plant.measure().q);
+        }
+    }
+
+    /// The policy drives the arm: not the way to the start posture.
+    pub fn is_executing(&self) -> bool {
+        matches!(self.controller.phase(), Phase::Execute | Phase::Settle)
+    }
+}

@@ -1,0 +1,143 @@
+//! `skillet bench sim`: what a step of the simulation costs, and what more cores buy.
+
+use std::num::NonZero;
+use std::sync::Barrier;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result};
+use learner::problem::Problem;
+use physics::outcome::OutcomeConfig;
+use physics::pancake::PancakePlant;
+use physics::plant::Plant;
+use rt_controller::run::Controlled;
+use rt_controller::simulate::simulate;
+use shm_types::policy::PolicyMsg;
+
+use super::arm::{Arm, Loop};
+use super::{Bench, Plan, Row};
+use crate::setup;
+
+pub const BENCH: Bench = Bench {
+    name: "sim",
+    title: "What the simulation costs",
+    about: "A step is one period of the loop: measure, tick, apply, advance the pancake world, \
+            timed one by one. Rollouts are whole ones, from a fresh world, of the first policies a \
+            session tries; on all cores every thread has its own world, and the rates of the \
+            threads are added. One core and all cores are measured in turn, and their ratio is \
+            taken round by round.",
+    seconds: 30.0,
+    run,
+};
+
+const SUB_STEPS: [usize; 3] = [1, 2, 4];
+/// Policies that are run in turn.
+const N_POLICIES: u64 = 8;
+
+/// The rows of one number of sub-steps.
+struct Rows {
+    step: Row,
+    one: Row,
+    all: Row,
+    ratio: Row,
+}
+
+impl Rows {
+    fn new(sub_steps: usize, cores: usize) -> Rows {
+        let s = if sub_steps == 1 { "" } else { "s" };
+        let scenario = format!("{sub_steps} sub-step{s}");
+        let all = format!("rollouts, all {cores} cores");
+        Rows {
+            step: Row::time("Step of the simulation", "step", &scenario),
+            one: Row::value("Rollouts", "rollouts, one core", &scenario, "1/s"),
+            all: Row::value("Rollouts", &all, &scenario, "1/s"),
+            ratio: Row::value("Rollouts", "all cores / one core", &scenario, "1"),
+        }
+    }
+}
+
+fn run(plan: &Plan) -> Result<Vec<Row>> {
+    let arm = Arm::new()?;
+    let policies = policies(&arm)?;
+    let cores = std::thread::available_parallelism().map_or(1, NonZero::get);
+    let slice = plan.slice(3 * SUB_STEPS.len());
+    let mut rows: Vec<Rows> = SUB_STEPS.iter().map(|n| Rows::new(*n, cores)).collect();
+    for round in 0..plan.rounds {
+        for (rows, sub_steps) in rows.iter_mut().zip(SUB_STEPS) {
+            steps(&arm, sub_steps, slice, &mut rows.step)?;
+            let rate = |threads| rollouts_per_second(&arm, &policies, sub_steps, threads, slice);
+            // Whatever comes first in a round has no other advantage.
+            let (one, all) = if round % 2 == 0 {
+                let one = rate(1)?;
+                (one, rate(cores)?)
+            } else {
+                let all = rate(cores)?;
+                (rate(1)?, all)
+            };
+            rows.one.add(one);
+            rows.all.add(all);
+            rows.ratio.add(all / one);
+        }
+    }
+    Ok(rows.into_iter().flat_map(|rows| [rows.step, rows.one, rows.all, rows.ratio]).collect())
+}
+
+/// What the search tries first.
+fn policies(arm: &Arm) -> Result<Vec<PolicyMsg>> {
+    let config = &arm.config.learner;
+    let problem = Problem::new(config, &setup::demonstrations(&arm.config)?)?;
+    let search = problem.search(config);
+    let decode = |rollout| problem.decode(&search.ask(rollout).theta, Default::default());
+    Ok((1..=N_POLICIES).map(decode).collect())
+}
+
+fn steps(arm: &Arm, sub_steps: usize, slice: Duration, row: &mut Row) -> Result<()> {
+    let mut running = Loop::new(arm, arm.policy(8, 4)?, sub_steps);
+    let begin = Instant::now();
+    let before = row.n();
+    while row.n() == before || begin.elapsed() < slice {
+        // A fresh world is no step.
+        running.begin_if_idle();
+        let start = Instant::now();
+        let measured = running.plant.measure();
+        let tau = running.controller.tick(&measured, &mut running.record);
+        running.plant.apply(&tau);
+        running.plant.advance();
+        row.add_time(start.elapsed());
+    }
+    Ok(())
+}
+
+/// Whole rollouts on `threads` threads that begin together, each for `slice` and at least one.
+fn rollouts_per_second(
+    arm: &Arm,
+    policies: &[PolicyMsg],
+    sub_steps: usize,
+    threads: usize,
+    slice: Duration,
+) -> Result<f64> {
+    let barrier = Barrier::new(threads);
+    let rate = || -> Result<f64> {
+        let mut plant = PancakePlant::new(&arm.model, &arm.q0, &arm.world(sub_steps));
+        let (model, q0, outcome) = (&arm.model, arm.q0, OutcomeConfig::default());
+        let mut controlled = Controlled { model, plant: &mut plant, q0, outcome };
+        barrier.wait();
+        let start = Instant::now();
+        let mut n = 0;
+        loop {
+            let policy = &policies[n % policies.len()];
+            simulate(&mut controlled, &arm.config.controller, policy, &mut [])?;
+            n += 1;
+            let elapsed = start.elapsed();
+            if elapsed >= slice {
+                return Ok(n as f64 / elapsed.as_secs_f64());
+            }
+        }
+    };
+    std::thread::scope(|scope| {
+        let threads: Vec<_> = (0..threads).map(|_| scope.spawn(rate)).collect();
+        let rates = threads.into_iter().map(|thread| {
+            thread.join().ok().context("a thread of the simulation panicked; please report it")?
+        });
+        rates.sum()
+    })
+}

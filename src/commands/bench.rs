@@ -1,0 +1,42 @@
+//! `skillet bench`: measures, and prints or writes what came out.
+
+use anyhow::Result;
+
+use crate::Verdict;
+use crate::bench::{Bench, Plan, output, sim, tick, transport};
+use crate::cli::bench::{BenchArgs, BenchOptions, BenchVerb};
+use crate::host::Host;
+use crate::output::{print, print_json};
+
+pub fn run(args: &BenchArgs) -> Result<Verdict> {
+    match &args.verb {
+        BenchVerb::Tick(options) => measure(&tick::BENCH, options)?,
+        BenchVerb::Sim(options) => measure(&sim::BENCH, options)?,
+        BenchVerb::Transport(options) => measure(&transport::BENCH, options)?,
+        BenchVerb::Echo(args) => transport::peer::echo(args)?,
+    }
+    Ok(Verdict::Done)
+}
+
+fn measure(bench: &Bench, options: &BenchOptions) -> Result<()> {
+    if cfg!(debug_assertions) {
+        eprintln!(
+            "skillet: timings of a development build mean little: use `cargo run --release -- \
+             bench {}`",
+            bench.name
+        );
+    }
+    // Before: its load average is not this bench's own.
+    let host = Host::here();
+    let seconds = options.seconds.unwrap_or(bench.seconds);
+    let rows = (bench.run)(&Plan { seconds, rounds: options.rounds.get() })?;
+    if options.json {
+        print_json(&output::as_json(bench, &host, &rows))?;
+    } else {
+        print(&output::as_text(&host, &rows))?;
+    }
+    if let Some(folder) = &options.out {
+        output::write(folder, bench, &host, &rows)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,93 @@
+//! `skillet bench`: every bench runs and says what it measured. How fast is no test's business.
+
+mod util;
+
+use serde_json::Value;
+use util::{Bench, text};
+
+/// Runs a bench for a moment; returns its rows after looking at each.
+fn rows(bench: &Bench, name: &str, seconds: &str) -> Vec<Value> {
+    let arguments = ["bench", name, "--json", "--seconds", seconds, "--rounds", "1", "--out", "r"];
+    let found: Value = serde_json::from_str(&bench.ok(&arguments)).unwrap();
+    assert_eq!(found["bench"], name);
+    assert!(found["host"]["cores"].as_u64().unwrap() >= 1);
+    let rows = found["rows"].as_array().unwrap().clone();
+    assert!(!rows.is_empty());
+    for row in &rows {
+        for field in ["name", "scenario", "unit"] {
+            assert!(row[field].as_str().is_some_and(|text| !text.is_empty()), "{row}");
+        }
+        assert!(row["n"].as_u64().unwrap() > 0, "{row}");
+        assert!(row["misses"].is_null() || row["misses"].is_u64(), "{row}");
+        let values = ["p50", "p99", "p999", "max"].map(|field| row[field].as_f64().unwrap());
+        assert!(values.iter().all(|value| value.is_finite() && *value > 0.0), "{row}");
+        assert!(values.is_sorted(), "{row}");
+    }
+
+    let file: Value = serde_json::from_str(&text(&bench.path(&format!("r/{name}.json")))).unwrap();
+    assert_eq!(file, found);
+    let page = text(&bench.path(&format!("r/{name}.html")));
+    assert!(page.contains("<svg") && !page.contains("<script") && !page.contains("http"));
+    assert!(!page.contains("NaN"));
+    rows
+}
+
+fn names<'a>(rows: &'a [Value], field: &str) -> Vec<&'a str> {
+    rows.iter().map(|row| row[field].as_str().unwrap()).collect()
+}
+
+#[test]
+fn tick_measures_every_part_and_every_size() {
+    let bench = Bench::new();
+    let rows = rows(&bench, "tick", "0.3");
+    let whole: Vec<&Value> = rows.iter().filter(|row| row["name"] == "whole tick").collect();
+    assert_eq!(whole.len(), 15);
+    for part in ["timer", "policy command", "mass matrix", "operational-space torque"] {
+        assert!(names(&rows, "name").contains(&part), "no {part}");
+    }
+    // A tick calls all of its parts.
+    let p50 =
+        |name: &str| rows.iter().find(|row| row["name"] == name).unwrap()["p50"].as_f64().unwrap();
+    assert!(p50("whole tick") > p50("gravity torque"));
+}
+
+#[test]
+fn sim_compares_one_core_with_all() {
+    let bench = Bench::new();
+    let rows = rows(&bench, "sim", "0.3");
+    assert_eq!(rows.len(), 12);
+    for scenario in ["1 sub-step", "2 sub-steps", "4 sub-steps"] {
+        let found = names(&rows, "scenario");
+        assert_eq!(found.iter().filter(|name| **name == scenario).count(), 4);
+    }
+}
+
+#[test]
+fn transport_measures_each_way_with_both_sizes_and_leaves_nothing() {
+    let bench = Bench::new();
+    if std::thread::available_parallelism().unwrap().get() < 2 {
+        bench.refused(&["bench", "transport"], &["second one"]);
+        return;
+    }
+    let rows = rows(&bench, "transport", "0.3");
+    assert_eq!(rows.len(), 12);
+    for link in ["iceoryx2", "socket", "pipe"] {
+        for how in ["polling", "waking"] {
+            let name = format!("{link}, {how}");
+            assert_eq!(rows.iter().filter(|row| row["name"] == name.as_str()).count(), 2);
+        }
+    }
+    let cells = std::fs::read_dir(bench.path("run")).unwrap().flatten();
+    assert_eq!(cells.filter(|entry| entry.path().is_dir()).count(), 0, "a cell is left");
+}
+
+#[test]
+fn without_json_there_is_a_table_and_senseless_times_are_refused() {
+    let bench = Bench::new();
+    let table = bench.ok(&["bench", "tick", "--seconds", "0.1", "--rounds", "1"]);
+    for word in ["p99.9", "misses", "clock source", "16 components, 6 dims"] {
+        assert!(table.contains(word), "no '{word}' in:\n{table}");
+    }
+    bench.refused(&["bench", "tick", "--seconds", "0"], &["number of seconds"]);
+    bench.refused(&["bench", "tick", "--seconds", "nan"], &["number of seconds"]);
+}

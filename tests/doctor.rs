@@ -1,0 +1,73 @@
+//! `skillet doctor` on this host, whatever it is worth.
+
+mod util;
+
+use serde_json::Value;
+use util::{Bench, eventually, stderr};
+
+#[test]
+fn says_in_json_what_it_found() {
+    let bench = Bench::new();
+    let output = bench.run(&["doctor", "--json"]);
+    let found: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let checks = found["checks"].as_array().unwrap();
+    assert!(checks.len() >= 15);
+    let mut grades = Vec::new();
+    for check in checks {
+        let verdict = check["verdict"].as_str().unwrap();
+        assert!(["good", "fair", "poor", "unknown"].contains(&verdict), "{check}");
+        for field in ["name", "found", "why"] {
+            assert!(check[field].as_str().is_some_and(|text| !text.is_empty()), "{check}");
+        }
+        let mended = check["mend"].is_string();
+        assert!(
+            if verdict == "good" { !mended } else { mended || verdict == "unknown" },
+            "{check}"
+        );
+        grades.push(verdict);
+    }
+    assert!(found["host"]["cores"].as_u64().unwrap() >= 1);
+    assert!(found["host"]["kernel"].is_string() && found["host"]["build"].is_string());
+    let poor = grades.contains(&"poor");
+    assert_eq!(found["verdict"] == "poor", poor);
+    assert_eq!(output.status.code(), Some(i32::from(poor)), "{}", stderr(&output));
+}
+
+#[test]
+fn prints_a_line_a_check_and_the_verdict() {
+    let bench = Bench::new();
+    let output = bench.run(&["doctor"]);
+    let text = String::from_utf8(output.stdout).unwrap();
+    for part in ["kernel preemption", "shared memory", "interrupts", "\nverdict: "] {
+        assert!(text.contains(part), "no '{part}' in:\n{text}");
+    }
+    let config = bench.write("bad.toml", "[controller]\npriority = 400\n");
+    bench.refused(&["doctor", "--config", config.to_str().unwrap()], &["priority"]);
+}
+
+/// The number in the report is enough for what a cell really takes.
+#[test]
+fn a_cell_needs_no_more_shared_memory_than_doctor_says() {
+    let bench = Bench::new();
+    let output = bench.run(&["doctor", "--json"]);
+    let found: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let checks = found["checks"].as_array().unwrap();
+    let check = checks.iter().find(|check| check["name"] == "shared memory").unwrap();
+    let words: Vec<&str> = check["found"].as_str().unwrap().split(' ').collect();
+    let needs: u64 = words[words.len() - 2].parse().unwrap();
+
+    // Other tests have cells at the same time.
+    let cell = format!("room-{}", std::process::id());
+    let _controller = bench.start(&["controller", "--cell", &cell, "--pace", "max"]);
+    let _learner = bench.start(&["learner", "--cell", &cell, "--session", "s"]);
+    bench.wait_for_trials("s", 2);
+    let used = eventually("the cell's memory", || {
+        let entries = std::fs::read_dir("/dev/shm").unwrap().flatten();
+        let name = format!("_{cell}_");
+        let files = entries.filter(|entry| entry.file_name().to_string_lossy().contains(&name));
+        let used: u64 = files.filter_map(|file| Some(file.metadata().ok()?.len())).sum();
+        (used > 0).then_some(used)
+    });
+    assert!(used <= needs << 20, "{used} bytes in use, {needs} MiB said");
+    assert!(used > (needs << 20) / 2, "{needs} MiB is said for {used} bytes");
+}
