@@ -65,6 +65,16 @@ impl Service {
         self.child.try_wait().with_context(|| format!("watching the {}", self.name))
     }
 
+    pub fn id(&self) -> u32 {
+        self.child.id()
+    }
+
+    /// Ends the child at once, without a chance to do anything about it.
+    pub fn kill(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+
     /// Ends the child in order, or by force when it does not react.
     pub fn stop(&mut self) -> Result<ExitStatus> {
         if let Some(status) = self.exited()? {

@@ -234,6 +234,9 @@ pub struct StudyArgs {
     /// Seeds at the same time; all cores when absent
     #[arg(long)]
     pub threads: Option<NonZero<usize>>,
+    /// End when the process that started this one ends
+    #[arg(long, hide = true, value_name = "PID")]
+    pub child: Option<u32>,
     /// Print one JSON object instead of a table
     #[arg(long)]
     pub json: bool,

@@ -91,3 +91,31 @@ fn without_json_there_is_a_table_and_senseless_times_are_refused() {
     bench.refused(&["bench", "tick", "--seconds", "0"], &["number of seconds"]);
     bench.refused(&["bench", "tick", "--seconds", "nan"], &["number of seconds"]);
 }
+
+#[test]
+fn latency_sees_the_loop_under_every_disturbance_and_loses_no_swap() {
+    let bench = Bench::new();
+    let rows = rows(&bench, "latency", "4");
+    let of = |name: &str| -> Vec<&Value> { rows.iter().filter(|r| r["name"] == name).collect() };
+    for name in ["wake-up, controller", "wake-up, bare loop", "tick"] {
+        assert_eq!(of(name).len(), 6, "{name}");
+    }
+    let swaps = of("published to applied");
+    let scenarios: Vec<_> = swaps.iter().map(|row| row["scenario"].as_str().unwrap()).collect();
+    assert_eq!(scenarios, ["100 swaps a second", "storm"]);
+    for row in swaps {
+        assert_eq!(row["misses"], 0, "{row}");
+    }
+}
+
+#[test]
+fn swap_checks_each_of_so_many_swaps() {
+    let bench = Bench::new();
+    let arguments = ["bench", "swap", "--swaps", "300", "--json"];
+    let found: Value = serde_json::from_str(&bench.ok(&arguments)).unwrap();
+    let rows = found["rows"].as_array().unwrap();
+    for row in &rows[..2] {
+        assert_eq!((&row["n"], &row["misses"]), (&300.into(), &0.into()), "{row}");
+    }
+    assert_eq!(rows[2]["name"], "controller, resident");
+}

@@ -4,7 +4,7 @@ mod util;
 
 use serde_json::Value;
 use shm_types::cell::Cell;
-use shm_types::ports::ToolPorts;
+use shm_types::ports::ObserverPorts;
 use util::{Bench, bits, eventually, kill};
 
 const CONTROLLER: [&str; 5] = ["controller", "--cell", "c1", "--pace", "max"];
@@ -96,7 +96,7 @@ fn telemetry_reaches_observers_that_come_and_go() {
     let cell = Cell::in_dir(&bench.path("run"), "c1").unwrap();
     let mut unseen = 0;
     for _ in 0..3 {
-        let observer = ToolPorts::open(&cell, util::WATCHDOG).unwrap();
+        let observer = ObserverPorts::open(&cell, util::WATCHDOG).unwrap();
         let sample = eventually("telemetry", || observer.telemetry.receive().unwrap());
         assert_eq!(sample.schema, shm_types::SCHEMA);
         let ticks: Vec<u64> = sample.ticks.iter().map(|tick| tick.tick).collect();

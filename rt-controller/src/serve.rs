@@ -13,6 +13,7 @@ use crate::exchange::{Exchange, Setup};
 use crate::fault::Fault;
 use crate::loop_report::LoopReport;
 use crate::recording::Recording;
+use crate::rt::Raised;
 use crate::run::{RunError, RunSummary};
 use crate::serving::Applied;
 
@@ -20,6 +21,9 @@ use crate::serving::Applied;
 const TELEMETRY_RING: usize = 4096;
 /// One swap and one rollout are under way at a time; the rings have room to spare.
 const SWAP_RING: usize = 4;
+
+/// SCHED_FIFO priority of the exchange thread beside a loop in real time.
+const EXCHANGE_PRIORITY: u8 = 1;
 
 /// A rollout to execute: travels exchange → executing thread with the memory its records go to.
 pub(crate) struct Job<P> {
@@ -78,7 +82,7 @@ pub(crate) fn serve<P: Send + Clone + PartialEq>(
     let ends = Ends { jobs, swaps, applied, done, telemetry };
     let exchange_ends =
         ExchangeEnds { jobs: job_tx, swaps: swap_tx, applied: applied_rx, done: done_rx };
-    let pace = setup.pace;
+    let (pace, is_realtime) = (setup.pace, setup.is_realtime());
     let mut exchange = Exchange::new(ports, setup, exchange_ends, LoopReport::new(telemetry_rx))?;
     std::thread::scope(|scope| {
         let thread = std::thread::Builder::new()
@@ -87,6 +91,8 @@ pub(crate) fn serve<P: Send + Clone + PartialEq>(
             .map_err(|error| RunError::Panic(format!("it could not be started: {error}")))?;
 
         tracing::info!(cell = cell.name(), ?pace, "controller ready");
+        // Commands and swaps must not wait behind a busy learner; the loop stays above.
+        let _raised = is_realtime.then(|| Raised::to(EXCHANGE_PRIORITY)).flatten();
         let summary = exchange.run(stop, || thread.is_finished());
         // The thread may be waiting for its next deadline; it sees `stop` right after.
         stop.store(true, Ordering::Relaxed);

@@ -140,10 +140,9 @@ impl LearnerPorts {
     }
 }
 
-/// The tool's ends: commands and telemetry.
+/// The tool's end.
 pub struct ToolPorts {
     pub commands: Client<Ipc, Command, (), Reply, ()>,
-    pub telemetry: Subscriber<Ipc, Telemetry, ()>,
     _node: Arc<Node<Ipc>>,
 }
 
@@ -160,10 +159,6 @@ impl ToolPorts {
                 .backpressure_strategy(BackpressureStrategy::DiscardData)
                 .create()
                 .map_err(failed(COMMAND, "creating the client"))?,
-            telemetry: subscriber(
-                &latest(&node, TELEMETRY, &TELEMETRY_QOS, Door::Open)?,
-                TELEMETRY,
-            )?,
             _node: node,
         })
     }
@@ -191,6 +186,23 @@ impl ToolPorts {
     pub fn status(&self, timeout: Duration) -> Option<Status> {
         let id = u64::from(std::process::id());
         self.request(&Command::new(COMMAND_STATUS, id), timeout).map(|reply| reply.status)
+    }
+}
+
+/// An observer's end: it looks, and nobody notices.
+pub struct ObserverPorts {
+    pub telemetry: Subscriber<Ipc, Telemetry, ()>,
+    _node: Arc<Node<Ipc>>,
+}
+
+impl ObserverPorts {
+    pub fn open(cell: &Cell, timeout: Duration) -> Result<ObserverPorts, ChannelError> {
+        let node = Arc::new(node(cell)?);
+        with_retry(cell, timeout, &|| false, || {
+            let service = latest(&node, TELEMETRY, &TELEMETRY_QOS, Door::Open)?;
+            let telemetry = subscriber(&service, TELEMETRY)?;
+            Ok(ObserverPorts { telemetry, _node: node.clone() })
+        })
     }
 }
 

@@ -81,27 +81,31 @@ impl Arm {
         (0..n).map(state).collect()
     }
 
-    /// Springs that move the pan up and down by a few centimetres, evenly over the duration.
     pub fn policy(&self, components: usize, dims: usize) -> Result<Policy> {
-        let (n_components, task_dim) = (components as u32, dims as u32);
-        let mut message = PolicyMsg { task_dim, n_components, ..PolicyMsg::EMPTY };
-        let stiffness = 200.0_f64;
-        message.duration_s = DURATION_S;
-        message.damping = 2.0 * stiffness.sqrt();
-        message.orientation_stiffness = 400.0;
-        message.orientation_damping = 40.0;
-        let spacing = DURATION_S / components as f64;
-        for (i, component) in message.components.iter_mut().take(components).enumerate() {
-            component.center = (i as f64 + 0.5) * spacing;
-            component.width = 0.5 * spacing;
-            let z = if i % 2 == 0 { 0.74 } else { 0.70 };
-            component.attractor = [0.78, 0.0, z, 0.0, 0.0, 0.0];
-            for row in 0..dims {
-                component.stiffness[packed_index(row, row)] = stiffness;
-            }
-        }
-        Ok(admit(&message.sealed(), &self.model, &self.config.controller)?)
+        Ok(admit(&message(components, dims, 0.02), &self.model, &self.config.controller)?)
     }
+}
+
+/// Springs that move the pan up and down by `amplitude` m, evenly over the duration.
+pub fn message(components: usize, dims: usize, amplitude: f64) -> PolicyMsg {
+    let (n_components, task_dim) = (components as u32, dims as u32);
+    let mut message = PolicyMsg { task_dim, n_components, ..PolicyMsg::EMPTY };
+    let stiffness = 200.0_f64;
+    message.duration_s = DURATION_S;
+    message.damping = 2.0 * stiffness.sqrt();
+    message.orientation_stiffness = 400.0;
+    message.orientation_damping = 40.0;
+    let spacing = DURATION_S / components as f64;
+    for (i, component) in message.components.iter_mut().take(components).enumerate() {
+        component.center = (i as f64 + 0.5) * spacing;
+        component.width = 0.5 * spacing;
+        let z = if i % 2 == 0 { 0.72 + amplitude } else { 0.72 - amplitude };
+        component.attractor = [0.78, 0.0, z, 0.0, 0.0, 0.0];
+        for row in 0..dims {
+            component.stiffness[packed_index(row, row)] = stiffness;
+        }
+    }
+    message.sealed()
 }
 
 /// A loop without pace or transport that goes from rollout to rollout.

@@ -6,10 +6,13 @@
 
 mod arm;
 mod figure;
+pub mod latency;
 pub mod output;
 mod page;
 mod row;
+mod service;
 pub mod sim;
+pub mod swap;
 pub mod tick;
 pub mod transport;
 
@@ -35,6 +38,8 @@ pub struct Bench {
 pub struct Plan {
     pub seconds: f64,
     pub rounds: u32,
+    /// How often, where that can be asked for.
+    pub n: Option<u64>,
 }
 
 impl Plan {

@@ -44,6 +44,11 @@ impl Row {
         Row::new(group, name, scenario, "us", 1e-3 / calls as f64)
     }
 
+    /// With deadlines, or answers, that may be missed.
+    pub fn with_misses(self) -> Row {
+        Row { misses: Some(0), ..self }
+    }
+
     /// Values of another unit, told apart by a thousandth.
     pub fn value(group: &str, name: &str, scenario: &str, unit: &'static str) -> Row {
         Row::new(group, name, scenario, unit, 1e-3)
@@ -52,6 +57,11 @@ impl Row {
     /// Adds a time, of a whole batch if the row is one.
     pub fn add_time(&mut self, time: Duration) {
         self.histogram.saturating_record(time.as_nanos() as u64);
+    }
+
+    /// Adds a time that occurred so often.
+    pub fn add_times(&mut self, time: Duration, times: u64) {
+        self.histogram.saturating_record_n(time.as_nanos() as u64, times);
     }
 
     /// Adds a value in the row's unit.

@@ -26,6 +26,12 @@ pub enum BenchVerb {
     /// Round trips between two processes: shared memory, socket, pipe
     #[command(after_help = "Example: skillet bench transport --out benches/results")]
     Transport(BenchOptions),
+    /// The loop in real time under swaps, learner load, observers and kills, beside a bare loop
+    #[command(after_help = "Example: skillet bench latency --seconds 120 --out benches/results")]
+    Latency(BenchOptions),
+    /// Swaps as fast as they go, each one checked
+    #[command(after_help = "Example: skillet bench swap --swaps 1000000")]
+    Swap(SwapArgs),
     /// The other end of a round trip
     #[command(hide = true)]
     Echo(EchoArgs),
@@ -46,6 +52,15 @@ pub struct BenchOptions {
     /// Print one JSON object instead of a table
     #[arg(long)]
     pub json: bool,
+}
+
+#[derive(Args)]
+pub struct SwapArgs {
+    /// So many swaps instead of --seconds
+    #[arg(long, value_name = "N", conflicts_with = "seconds")]
+    pub swaps: Option<u64>,
+    #[command(flatten)]
+    pub options: BenchOptions,
 }
 
 fn seconds(text: &str) -> Result<f64, String> {

@@ -3,22 +3,24 @@
 use anyhow::Result;
 
 use crate::Verdict;
-use crate::bench::{Bench, Plan, output, sim, tick, transport};
+use crate::bench::{Bench, Plan, latency, output, sim, swap, tick, transport};
 use crate::cli::bench::{BenchArgs, BenchOptions, BenchVerb};
 use crate::host::Host;
 use crate::output::{print, print_json};
 
 pub fn run(args: &BenchArgs) -> Result<Verdict> {
     match &args.verb {
-        BenchVerb::Tick(options) => measure(&tick::BENCH, options)?,
-        BenchVerb::Sim(options) => measure(&sim::BENCH, options)?,
-        BenchVerb::Transport(options) => measure(&transport::BENCH, options)?,
+        BenchVerb::Tick(options) => measure(&tick::BENCH, options, None)?,
+        BenchVerb::Sim(options) => measure(&sim::BENCH, options, None)?,
+        BenchVerb::Transport(options) => measure(&transport::BENCH, options, None)?,
+        BenchVerb::Latency(options) => measure(&latency::BENCH, options, None)?,
+        BenchVerb::Swap(args) => measure(&swap::BENCH, &args.options, args.swaps)?,
         BenchVerb::Echo(args) => transport::peer::echo(args)?,
     }
     Ok(Verdict::Done)
 }
 
-fn measure(bench: &Bench, options: &BenchOptions) -> Result<()> {
+fn measure(bench: &Bench, options: &BenchOptions, n: Option<u64>) -> Result<()> {
     if cfg!(debug_assertions) {
         eprintln!(
             "skillet: timings of a development build mean little: use `cargo run --release -- \
@@ -29,7 +31,7 @@ fn measure(bench: &Bench, options: &BenchOptions) -> Result<()> {
     // Before: its load average is not this bench's own.
     let host = Host::here();
     let seconds = options.seconds.unwrap_or(bench.seconds);
-    let rows = (bench.run)(&Plan { seconds, rounds: options.rounds.get() })?;
+    let rows = (bench.run)(&Plan { seconds, rounds: options.rounds.get(), n })?;
     if options.json {
         print_json(&output::as_json(bench, &host, &rows))?;
     } else {

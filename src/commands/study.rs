@@ -20,6 +20,9 @@ pub fn run(args: &StudyArgs) -> Result<Verdict> {
         bail!("study '{name}' is not known: use one of\n{}", list());
     };
     let stop = setup::stop_flag()?;
+    if let Some(parent) = args.child {
+        setup::end_with_parent(parent)?;
+    }
     let threads = args
         .threads
         .map_or_else(|| std::thread::available_parallelism().map_or(1, NonZero::get), NonZero::get);

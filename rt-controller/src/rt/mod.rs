@@ -4,4 +4,4 @@ mod clock;
 mod thread;
 
 pub use clock::{Clock, Wake, now_ns};
-pub use thread::{Privileges, acquire};
+pub use thread::{Privileges, Raised, acquire};

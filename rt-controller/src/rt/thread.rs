@@ -50,12 +50,7 @@ pub fn acquire(priority: u8, cpu: Option<usize>) -> Privileges {
         ));
     }
 
-    // SAFETY: sched_param is a plain C struct for which all zeros is valid; pid 0 is this thread.
-    let result = unsafe {
-        let mut parameters: libc::sched_param = std::mem::zeroed();
-        parameters.sched_priority = i32::from(priority);
-        libc::sched_setscheduler(0, libc::SCHED_FIFO, &parameters)
-    };
+    let result = set_policy(libc::SCHED_FIFO, priority);
     if result == 0 {
         granted.fifo = true;
     } else {
@@ -65,6 +60,33 @@ pub fn acquire(priority: u8, cpu: Option<usize>) -> Privileges {
         ));
     }
     granted
+}
+
+/// A raised priority of the calling thread, until dropped.
+#[derive(Debug)]
+pub struct Raised(());
+
+impl Raised {
+    /// SCHED_FIFO, below every loop that matters; `None` without the privilege.
+    pub fn to(priority: u8) -> Option<Raised> {
+        (set_policy(libc::SCHED_FIFO, priority) == 0).then_some(Raised(()))
+    }
+}
+
+impl Drop for Raised {
+    fn drop(&mut self) {
+        set_policy(libc::SCHED_OTHER, 0);
+    }
+}
+
+/// Of the calling thread; 0 when it was granted.
+fn set_policy(policy: i32, priority: u8) -> i32 {
+    // SAFETY: sched_param is a plain C struct for which all zeros is valid; pid 0 is this thread.
+    unsafe {
+        let mut parameters: libc::sched_param = std::mem::zeroed();
+        parameters.sched_priority = i32::from(priority);
+        libc::sched_setscheduler(0, policy, &parameters)
+    }
 }
 
 fn stay_awake() -> std::io::Result<File> {
