@@ -154,3 +154,20 @@ fn policies_can_be_listed_and_shown() {
     assert!(bench.ok(&["policy", "show", "s", "0"]).contains("component 8"));
     bench.refused(&["policy", "show", "s", "99"], &["policy 99", "policy list"]);
 }
+
+#[test]
+fn rollouts_of_500_hz_and_4_khz_fit_into_an_episode() {
+    let bench = Bench::new();
+    for (period_us, records_per_s) in [(2000, 500.0), (250, 1000.0)] {
+        let config = bench.write("c.toml", &format!("[controller]\nperiod_us = {period_us}\n"));
+        let out = format!("s{period_us}");
+        let arguments = ["learn", "pancake", "--rollouts", "2", "--out", &out, "--config"];
+        bench.ok(&[&arguments[..], &[config.to_str().unwrap()]].concat());
+        for trial in bench.trials(&out) {
+            // 1.4 s and at most 1.2 s to settle.
+            let seconds = trial.n_records as f64 / records_per_s;
+            assert!((1.3..2.7).contains(&seconds), "{period_us} µs: {} records", trial.n_records);
+            assert_eq!(trial.fault, 0);
+        }
+    }
+}
