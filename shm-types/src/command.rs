@@ -35,7 +35,7 @@ pub const LAST_GOOD: u64 = 0;
 pub const REASON_LEN: usize = 320;
 
 message! {
-    /// A request; `id` is the client's own, so that a repeated request is recognised.
+    /// A request; `id` is drawn at random by the client, so that a repeated request is recognised.
     pub struct Command as "skillet/Command/2" {
         pub schema: u64,
         pub id: u64,

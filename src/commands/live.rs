@@ -151,6 +151,14 @@ pub fn list(cell: &NamedCell, as_json: bool) -> Result<Verdict> {
         }))?;
         return Ok(Verdict::Done);
     }
+    if state.policies.is_empty() && state.last_good.is_none() {
+        let name = cell.cell.name();
+        print(&format!(
+            "no policy in cell '{name}' ({}) yet; `skillet policy import`\n",
+            dir.display()
+        ))?;
+        return Ok(Verdict::Done);
+    }
     let mut text = "policy  components  coordinates  duration s\n".to_string();
     for policy in state.policies.values() {
         let PolicyMsg { policy_id, n_components, task_dim, duration_s, .. } = policy;
