@@ -8,7 +8,7 @@ use std::hint::black_box;
 use std::path::Path;
 use std::time::Instant;
 
-use physics::arm::{ArmModel, JointVector, TipKinematics, dynamics};
+use physics::arm::{ArmModel, BodyFrames, JointVector, TipKinematics, dynamics};
 use physics::pancake::{PancakeConfig, PancakePlant, WAM7_START_POSTURE};
 use physics::plant::Plant;
 
@@ -22,6 +22,21 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     report("rnea", 200_000, || dynamics::rnea(&model, black_box(&q), &qd, &qd));
     report("mass_matrix", 200_000, || dynamics::mass_matrix(&model, black_box(&q)));
     report("gravity_torque", 200_000, || dynamics::gravity_torque(&model, black_box(&q)));
+
+    report("tip, mass, bias: own frames", 100_000, || {
+        let tip = TipKinematics::new(&model, black_box(&q), &qd);
+        (
+            tip,
+            dynamics::mass_matrix(&model, black_box(&q)),
+            dynamics::bias(&model, black_box(&q), &qd),
+        )
+    });
+    report("tip, mass, bias: shared frames", 100_000, || {
+        let frames = BodyFrames::new(&model, black_box(&q));
+        let tip = TipKinematics::at(&model, &frames, &qd);
+        let mass_matrix = dynamics::mass_matrix_at(&model, &frames);
+        (tip, mass_matrix, dynamics::bias_at(&model, &frames, &qd))
+    });
 
     let mut plant = PancakePlant::new(&model, &q, &PancakeConfig::default());
     report("plant: step, measure, hold", 5_000, || {

@@ -15,7 +15,16 @@ use super::{JointMatrix, JointVector, MAX_JOINTS};
 /// inwards the force f and the moment n about the joint:
 /// F = m·a_cm, N = I·α + ω × I·ω, τ_i = z_i · n_i.
 pub fn rnea(model: &ArmModel, q: &JointVector, qd: &JointVector, qdd: &JointVector) -> JointVector {
-    let frames = BodyFrames::new(model, q);
+    rnea_at(model, &BodyFrames::new(model, q), qd, qdd)
+}
+
+/// [`rnea`] where the bodies are at `frames`.
+pub fn rnea_at(
+    model: &ArmModel,
+    frames: &BodyFrames,
+    qd: &JointVector,
+    qdd: &JointVector,
+) -> JointVector {
     let mut force = [Vector3::zeros(); MAX_JOINTS];
     let mut moment = [Vector3::zeros(); MAX_JOINTS];
 
@@ -54,7 +63,12 @@ pub fn rnea(model: &ArmModel, q: &JointVector, qd: &JointVector, qdd: &JointVect
 
 /// Bias torque C(q,q̇)q̇ + g(q), N·m: what the motors must give at q̈ = 0.
 pub fn bias(model: &ArmModel, q: &JointVector, qd: &JointVector) -> JointVector {
-    rnea(model, q, qd, &JointVector::zeros())
+    bias_at(model, &BodyFrames::new(model, q), qd)
+}
+
+/// [`bias`] where the bodies are at `frames`.
+pub fn bias_at(model: &ArmModel, frames: &BodyFrames, qd: &JointVector) -> JointVector {
+    rnea_at(model, frames, qd, &JointVector::zeros())
 }
 
 /// Gravity torque g(q), N·m: what holds the arm still.
@@ -81,7 +95,11 @@ pub fn gravity_torque(model: &ArmModel, q: &JointVector) -> JointVector {
 /// and a composite body of mass m, first moment h and inertia I about that origin answers with
 /// f = m·v + ω × h, n = I·ω + h × v. Then M_ij = z_j·n_i + v_j·f_i for j ≤ i.
 pub fn mass_matrix(model: &ArmModel, q: &JointVector) -> JointMatrix {
-    let frames = BodyFrames::new(model, q);
+    mass_matrix_at(model, &BodyFrames::new(model, q))
+}
+
+/// [`mass_matrix`] where the bodies are at `frames`.
+pub fn mass_matrix_at(model: &ArmModel, frames: &BodyFrames) -> JointMatrix {
     let mut z = [Vector3::zeros(); MAX_JOINTS];
     let mut v = [Vector3::zeros(); MAX_JOINTS];
     for i in 0..model.n_joints() {

@@ -5,14 +5,20 @@ use nalgebra::{Matrix3, Vector3};
 use super::model::ArmModel;
 use super::{JointVector, MAX_JOINTS};
 
-/// Rotation R_WB and origin p_WB of every body; entries beyond `n_joints` are meaningless.
-pub(super) struct BodyFrames {
-    pub R_WB: [Matrix3<f64>; MAX_JOINTS],
-    pub p_WB: [Vector3<f64>; MAX_JOINTS],
+/// Rotation R_WB and origin p_WB of every body at one q.
+///
+/// Whoever needs several quantities at the same q evaluates the frames once and hands them to the
+/// functions that end in `at`; the results are the same to the last bit.
+#[derive(Debug, Clone, Copy)]
+pub struct BodyFrames {
+    /// Entries beyond `n_joints` are meaningless.
+    pub(super) R_WB: [Matrix3<f64>; MAX_JOINTS],
+    pub(super) p_WB: [Vector3<f64>; MAX_JOINTS],
 }
 
 impl BodyFrames {
-    /// R_WB = R_WA·R_AB0·Rz(q), p_WB = p_WA + R_WA·p_AB, from the base outwards.
+    /// The frames at `q` (rad), from the base outwards:
+    /// R_WB = R_WA·R_AB0·Rz(q), p_WB = p_WA + R_WA·p_AB.
     #[inline]
     pub fn new(model: &ArmModel, q: &JointVector) -> BodyFrames {
         let mut frames = BodyFrames {
@@ -35,13 +41,13 @@ impl BodyFrames {
 
     /// Axis of joint i in the world, a unit vector.
     #[inline]
-    pub fn axis(&self, i: usize) -> Vector3<f64> {
+    pub(super) fn axis(&self, i: usize) -> Vector3<f64> {
         self.R_WB[i].column(2).into()
     }
 
     /// Rotation and position of the tip in the world.
     #[inline]
-    pub fn tip(&self, model: &ArmModel) -> (Matrix3<f64>, Vector3<f64>) {
+    pub(super) fn tip(&self, model: &ArmModel) -> (Matrix3<f64>, Vector3<f64>) {
         let last = model.n_joints() - 1;
         let R_WB = &self.R_WB[last];
         (R_WB * model.R_BP, self.p_WB[last] + R_WB * model.p_BP)

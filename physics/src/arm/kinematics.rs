@@ -45,7 +45,11 @@ impl TipKinematics {
     /// α_i = α_{i−1} + ω_{i−1} × z_i q̇_i,
     /// a_{i+1} = a_i + α_i × r + ω_i × (ω_i × r), r leading to the next joint or the tip.
     pub fn new(model: &ArmModel, q: &JointVector, qd: &JointVector) -> TipKinematics {
-        let frames = BodyFrames::new(model, q);
+        TipKinematics::at(model, &BodyFrames::new(model, q), qd)
+    }
+
+    /// [`TipKinematics::new`] where the bodies are at `frames`.
+    pub fn at(model: &ArmModel, frames: &BodyFrames, qd: &JointVector) -> TipKinematics {
         let (R_WP, p_WP) = frames.tip(model);
         let n = model.n_joints();
 

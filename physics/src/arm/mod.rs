@@ -12,6 +12,7 @@ mod urdf;
 
 use nalgebra::{SMatrix, SVector};
 
+pub use frames::BodyFrames;
 pub use inverse_kinematics::IkError;
 pub use kinematics::TipKinematics;
 pub use model::{ArmModel, Body, JointLimits};

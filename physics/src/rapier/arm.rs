@@ -13,6 +13,11 @@ use crate::arm::{ArmModel, Body, JointVector, MAX_JOINTS};
 /// Index of the revolute coordinate among the six of a Rapier joint: rotation about local x.
 const ANGLE_COORDINATE: usize = 3;
 
+/// A stop further away than this (rad), beyond twice what the joint's speed covers in a step, is
+/// not given to the solver. Only an acceleration could bring it within reach: 0.1 rad in a
+/// millisecond takes 2e5 rad/s².
+const STOP_MARGIN: f64 = 0.1;
+
 /// Handles of an arm that lives in a [`PhysicsWorld`].
 #[derive(Debug, Clone, Copy)]
 pub struct RapierArm {
@@ -93,11 +98,13 @@ impl RapierArm {
         qd
     }
 
-    /// Sets the joint torques (N·m) of the next step, replacing those of the last one.
+    /// Sets the joint torques (N·m) of the next step, replacing those of the last one. Call it
+    /// before every step: the limits within reach of that step are engaged here too.
     ///
     /// Rapier has no generalized forces. A torque τ about the joint axis on the body and −τ on
     /// its parent has exactly that generalized force. The axis stays as it is during the step.
     pub fn set_torques(&self, world: &mut PhysicsWorld, tau: &JointVector) {
+        self.engage_stops(world);
         for &body in &self.bodies[1..=self.n_joints] {
             world.bodies[body].reset_torques(false);
         }
@@ -106,6 +113,25 @@ impl RapierArm {
             let torque = child.position().rotation * Vector::Z * tau[i];
             child.add_torque(torque, true);
             world.bodies[self.bodies[i]].add_torque(-torque, true);
+        }
+    }
+
+    /// Switches on the limits within reach of the next step, and off the others.
+    ///
+    /// Rapier builds and solves a constraint per limited joint in every sub-step and lets it push
+    /// only beyond the limit. One that cannot push costs time and changes no bit.
+    fn engage_stops(&self, world: &mut PhysicsWorld) {
+        let dt = world.integration_parameters.dt;
+        let (multibody, _) =
+            world.multibody_joints.get_mut(self.last_joint).expect("the arm stays in its world");
+        for i in 0..self.n_joints {
+            let margin = STOP_MARGIN + 2.0 * dt * multibody.generalized_velocity()[i].abs();
+            let link = multibody.link_mut(i + 1).expect("one link per joint after the base");
+            let q = link.joint.coords()[ANGLE_COORDINATE];
+            let joint = &mut link.joint.data;
+            let limits = joint.limits[ANGLE_COORDINATE];
+            let is_near = q - margin < limits.min || q + margin > limits.max;
+            joint.limit_axes.set(JointAxesMask::ANG_X, is_near);
         }
     }
 
