@@ -1,7 +1,7 @@
 //! Task force → joint torque: operational-space inertia, inverse dynamics, null-space posture.
 
 use nalgebra::{Matrix6, Vector6};
-use physics::arm::{ArmModel, JointMatrix, JointVector, TipKinematics, dynamics};
+use physics::arm::{ArmModel, BodyFrames, JointMatrix, JointVector, TipKinematics, dynamics};
 
 /// Keeps Λ bounded near singularities: added to Λ⁻¹ = J M⁻¹ Jᵀ, whose entries are about 0.1 kg⁻¹
 /// (translation) and 100 (kg·m²)⁻¹ (rotation of the wrist).
@@ -17,10 +17,11 @@ pub struct ArmState {
 
 impl ArmState {
     pub fn new(model: &ArmModel, q: &JointVector, qd: &JointVector) -> ArmState {
+        let frames = BodyFrames::new(model, q);
         ArmState {
-            tip: TipKinematics::new(model, q, qd),
-            mass_matrix: dynamics::mass_matrix(model, q),
-            bias: dynamics::bias(model, q, qd),
+            tip: TipKinematics::at(model, &frames, qd),
+            mass_matrix: dynamics::mass_matrix_at(model, &frames),
+            bias: dynamics::bias_at(model, &frames, qd),
         }
     }
 }
