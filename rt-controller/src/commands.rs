@@ -16,7 +16,7 @@ use thiserror::Error;
 
 use crate::admission::AdmissionError;
 use crate::catalogue::CatalogueError;
-use crate::exchange::Exchange;
+use crate::exchange::{Exchange, KNOWN};
 use crate::serving::{Applied, Served, SwapRefused};
 use crate::state_file::Remember;
 
@@ -74,6 +74,25 @@ impl Commands {
         self.waiting.extract_if(.., is_it).map(|waiting| waiting.request).collect()
     }
 
+    /// A repeated command gets the answer of the first, now or when it is there.
+    fn unless_repeated(&mut self, request: CommandRequest) -> Option<CommandRequest> {
+        if request.kind == COMMAND_STATUS {
+            return Some(request); // the answer is another one every time
+        }
+        if let Some(reply) = self.recent.iter().find(|reply| reply.id == request.id) {
+            let _ = request.send_copy(*reply);
+            return None;
+        }
+        let first = self.waiting.iter().find(|waiting| waiting.request.id == request.id);
+        match first.map(|first| first.outcome) {
+            Some(outcome) => {
+                self.waiting.push(Waiting { request, outcome });
+                None
+            }
+            None => Some(request),
+        }
+    }
+
     fn answer(&mut self, request: CommandRequest, reply: Reply) {
         if request.kind != COMMAND_STATUS {
             self.recent.truncate(RECENT - 1);
@@ -91,17 +110,7 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
         while let Ok(Some(request)) = self.ports.commands.receive() {
             self.active = true;
             let command: Command = *request;
-            let known = self.commands.recent.iter().find(|reply| reply.id == command.id);
-            if let Some(reply) = known.filter(|_| command.kind != COMMAND_STATUS) {
-                let _ = request.send_copy(*reply);
-                continue;
-            }
-            let waits = |waiting: &&Waiting| waiting.request.id == command.id;
-            if let Some(first) = self.commands.waiting.iter().find(waits) {
-                let outcome = first.outcome;
-                self.commands.waiting.push(Waiting { request, outcome });
-                continue;
-            }
+            let Some(request) = self.commands.unless_repeated(request) else { continue };
             match self.carry_out(&command) {
                 Ok(outcome @ (Outcome::Applied(_) | Outcome::Kept(_))) => {
                     self.commands.waiting.push(Waiting { request, outcome });
@@ -132,8 +141,11 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
         Ok(match command.kind {
             COMMAND_STOP => Outcome::Stop,
             COMMAND_IMPORT => {
-                (self.setup.admit_to_serve)(&command.policy)?;
-                kept(self.catalogue.import(&command.policy)?)
+                let (policy, n_records) = (self.setup.admit_to_serve)(&command.policy)?;
+                let ticket = self.catalogue.import(&command.policy)?;
+                let message = command.policy.named(self.catalogue.numbered(command.policy.digest));
+                self.know(Arc::new(Served { message, policy, n_records }));
+                kept(ticket)
             }
             COMMAND_ACTIVATE => {
                 let policy = self.servable(id)?;
@@ -158,17 +170,25 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
     }
 
     /// The policy `id`, checked again: the bounds may be others than when it was imported.
-    fn servable(&self, id: u64) -> Result<Arc<Served<P>>, Refusal> {
+    fn servable(&mut self, id: u64) -> Result<Arc<Served<P>>, Refusal> {
         if id == LAST_GOOD {
             return Ok(self.serving.last_good().cloned().ok_or(CatalogueError::NoneGood)?);
         }
         let message = *self.catalogue.get(id)?;
-        // In service before: the dry run need not be repeated.
+        // Not long ago: the dry run need not be repeated.
         if let Some(known) = self.known.iter().find(|known| known.name() == message.name()) {
             return Ok(known.clone());
         }
         let (policy, n_records) = (self.setup.admit_to_serve)(&message)?;
-        Ok(Arc::new(Served { message, policy, n_records }))
+        let served = Arc::new(Served { message, policy, n_records });
+        self.know(served.clone());
+        Ok(served)
+    }
+
+    fn know(&mut self, served: Arc<Served<P>>) {
+        self.known.retain(|known| known.name() != served.name());
+        self.known.insert(0, served);
+        self.known.truncate(KNOWN);
     }
 
     /// Orders what is served to be written.

@@ -7,7 +7,7 @@ use shm_types::channel::EpisodeLoan;
 use shm_types::episode::{EpisodeHeader, OUTCOME_SUCCESS};
 use shm_types::policy::PolicyName;
 
-use crate::exchange::{Exchange, InFlight, KNOWN};
+use crate::exchange::{Exchange, InFlight};
 use crate::fault::Fault;
 use crate::recording::Recording;
 use crate::serve::{Done, Job};
@@ -28,11 +28,6 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
             }
             if let (true, Some(in_flight)) = (applied.in_rollout, &mut self.in_flight) {
                 in_flight.swapped |= in_flight.served.name() != policy;
-            }
-            if let Some(active) = self.serving.active().cloned() {
-                self.known.retain(|known| known.name() != active.name());
-                self.known.insert(0, active);
-                self.known.truncate(KNOWN);
             }
             (self.in_loop, self.applied_tick) = (policy, applied.tick);
             tracing::info!(policy = policy.policy_id, tick = applied.tick, "policy applied");

@@ -168,6 +168,12 @@ impl PolicyMsg {
         policy
     }
 
+    /// The same policy under another name.
+    pub fn named(&self, name: PolicyName) -> PolicyMsg {
+        let PolicyName { session, rollout, policy_id, .. } = name;
+        PolicyMsg { session, rollout, policy_id, ..*self }
+    }
+
     pub fn name(&self) -> PolicyName {
         PolicyName {
             session: self.session,

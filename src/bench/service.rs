@@ -14,7 +14,7 @@ use shm_types::ports::ToolPorts;
 
 use super::arm::message;
 use crate::children::Service;
-use crate::config::Config;
+use crate::config::{Config, LogConfig};
 
 const CELL_PREFIX: &str = "bench-";
 const SOON: Duration = Duration::from_secs(10);
@@ -35,6 +35,9 @@ impl BenchCell {
         let dir = std::env::temp_dir().join(format!("skillet-{name}"));
         std::fs::create_dir_all(&dir)
             .with_context(|| format!("{}: cannot create the folder", dir.display()))?;
+        // A line a swap would be what is measured.
+        let log = LogConfig { level: "error".into(), ..config.log.clone() };
+        let config = Config { log, ..config.clone() };
         std::fs::write(dir.join("bench.toml"), config.to_toml()?)
             .with_context(|| format!("{}: cannot write", dir.display()))?;
         Ok(BenchCell { cell, dir })

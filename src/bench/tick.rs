@@ -4,10 +4,10 @@ use std::hint::black_box;
 use std::time::{Duration, Instant};
 
 use anyhow::Result;
-use physics::arm::{ArmModel, TipKinematics, dynamics};
+use physics::arm::{ArmModel, BodyFrames, TipKinematics, dynamics};
 use physics::plant::Plant;
 use rt_controller::policy::Policy;
-use rt_controller::wrench::operational_space_torque;
+use rt_controller::wrench::{ArmState, operational_space_torque};
 
 use super::arm::{Arm, Loop, State};
 use super::{Bench, Case, Plan, Row, interleave};
@@ -110,6 +110,11 @@ fn arm_parts<'a>(model: &'a ArmModel, states: &'a [State]) -> Vec<Case<'a>> {
         batches(row("mass matrix"), states, |state| dynamics::mass_matrix(model, &state.q)),
         batches(row("bias (Newton-Euler)"), states, |state| {
             dynamics::bias(model, &state.q, &state.qd)
+        }),
+        // As the loop calls them: where the bodies are is worked out once for all three.
+        batches(row("frames of the bodies"), states, |state| BodyFrames::new(model, &state.q)),
+        batches(row("all three, shared frames"), states, |state| {
+            ArmState::new(model, &state.q, &state.qd)
         }),
         batches(row("gravity torque"), states, |state| dynamics::gravity_torque(model, &state.q)),
         batches(row("operational-space torque"), states, |state| {

@@ -48,15 +48,14 @@ struct Scenario {
 }
 
 const SCENARIOS: [Scenario; 6] = {
-    let idle =
-        Scenario { name: "idle", swaps: false, learner: false, observers: false, kills: false };
+    let idle = Scenario { name: "", swaps: false, learner: false, observers: false, kills: false };
     [
+        Scenario { name: "idle", ..idle },
         Scenario { name: "100 swaps a second", swaps: true, ..idle },
         Scenario { name: "learner at full load", learner: true, ..idle },
         Scenario { name: "10 observers come and go", observers: true, ..idle },
         Scenario { name: "learner killed every second", kills: true, ..idle },
         Scenario { name: "storm", swaps: true, learner: true, observers: true, kills: true },
-        idle,
     ]
 };
 
