@@ -48,14 +48,17 @@ impl Clock {
             tv_sec: (sleep_until / NS_PER_S) as i64,
             tv_nsec: (sleep_until % NS_PER_S) as _,
         };
+        let mut now = now_ns();
         // A signal may end the sleep early; the rest is slept again.
-        while now_ns() < sleep_until {
+        while now < sleep_until {
             let _ = clock_nanosleep_absolute(ClockId::Monotonic, &wake_up);
+            now = now_ns();
         }
-        while now_ns() < self.deadline_ns {
+        while now < self.deadline_ns {
             std::hint::spin_loop();
+            now = now_ns();
         }
-        let late_ns = now_ns() - self.deadline_ns;
+        let late_ns = now - self.deadline_ns;
         let skipped = late_ns / self.period_ns;
         self.missed += skipped;
         self.overruns = if skipped > 0 { self.overruns.saturating_add(1) } else { 0 };
