@@ -18,7 +18,7 @@ use crate::rollout::Phase;
 use crate::rt::now_ns;
 use crate::run::{RunError, RunSummary};
 use crate::serve::{Done, Ends, Job, serve};
-use crate::serving::Applied;
+use crate::swap::Applied;
 
 /// How long the thread sleeps while there is nothing to do.
 const IDLE_SLEEP: Duration = Duration::from_micros(100);

@@ -17,8 +17,8 @@ use thiserror::Error;
 use crate::admission::AdmissionError;
 use crate::catalogue::CatalogueError;
 use crate::exchange::{Exchange, KNOWN};
-use crate::serving::{Applied, Served, SwapRefused};
 use crate::state_file::Remember;
+use crate::swap::{Applied, Served, SwapRefused};
 
 /// Replies kept for repeated commands.
 const RECENT: usize = 64;

@@ -18,8 +18,9 @@ use crate::learner_link::LearnerLink;
 use crate::loop_report::LoopReport;
 use crate::run::RunSummary;
 use crate::serve::{ExchangeEnds, Swap};
-use crate::serving::{Served, Serving};
+use crate::serving::Serving;
 use crate::state_file::{State, StateError};
+use crate::swap::Served;
 
 const POLL: Duration = Duration::from_micros(200);
 /// Rounds without work before the thread sleeps: what comes in bursts is answered at once.

@@ -30,6 +30,18 @@ pub enum Fault {
 }
 
 impl Fault {
+    /// The policy that was executed may be to blame, as far as anybody can tell.
+    pub fn blames_policy(self) -> bool {
+        !matches!(
+            self,
+            Fault::None
+                | Fault::ApproachTimeout
+                | Fault::PolicyRefused
+                | Fault::Swapped
+                | Fault::Overrun
+        )
+    }
+
     /// What a person reads in place of a code.
     pub fn describe(code: u32) -> &'static str {
         match code {

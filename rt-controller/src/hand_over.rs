@@ -11,7 +11,8 @@ use crate::exchange::{Exchange, InFlight};
 use crate::fault::Fault;
 use crate::recording::Recording;
 use crate::serve::{Done, Job};
-use crate::serving::{Next, Served};
+use crate::serving::Next;
+use crate::swap::Served;
 
 impl<P: Clone + PartialEq> Exchange<'_, P> {
     /// Takes the loop's word on swaps, and tells who asked for them.
@@ -61,10 +62,8 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
 
     fn proposal_ended(&mut self, in_flight: InFlight<P>, mut done: Done) {
         let name = in_flight.served.name();
-        let fault = match (done.fault, in_flight.swapped) {
-            (Fault::None, true) => Fault::Swapped,
-            (fault, _) => fault,
-        };
+        // Whatever happened after a swap is not the proposal's doing.
+        let fault = if in_flight.swapped { Fault::Swapped } else { done.fault };
         *done.episode.user_header_mut() = EpisodeHeader {
             applied_tick: done.recording.applied_tick,
             applied_ns: done.recording.applied_ns,
@@ -77,7 +76,7 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
             let why = Fault::describe(fault as u32);
             tracing::info!(rollout = name.rollout, "rollout ended early: {why}");
         }
-        if in_flight.swapped && done.fault != Fault::None {
+        if in_flight.swapped && done.fault.blames_policy() {
             self.fault_in_service(&name, done.fault);
         }
         if fault == Fault::None && done.outcome.has(OUTCOME_SUCCESS) {
@@ -94,20 +93,16 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
             return;
         }
         match done.fault {
-            Fault::None if in_flight.swapped => {}
             Fault::None => {
-                if self.serving.served_rollout_ended(&name, false) {
+                // One with a swap in it proves neither policy.
+                if !in_flight.swapped && self.serving.served_rollout_ended(&name, false) {
                     self.remember();
                 }
             }
-            // Neither says anything about the policy.
-            Fault::Overrun | Fault::ApproachTimeout => {
-                tracing::warn!(
-                    "served rollout ended early: {}",
-                    Fault::describe(done.fault as u32)
-                );
+            fault if fault.blames_policy() => self.fault_in_service(&name, fault),
+            fault => {
+                tracing::warn!("served rollout ended early: {}", Fault::describe(fault as u32));
             }
-            fault => self.fault_in_service(&name, fault),
         }
     }
 

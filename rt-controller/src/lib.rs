@@ -31,6 +31,7 @@ mod serve;
 mod serving;
 pub mod simulate;
 pub mod state_file;
+mod swap;
 pub mod task;
 pub mod tick;
 mod timing;

@@ -20,7 +20,7 @@ use crate::recording::Recording;
 use crate::rollout::Phase;
 use crate::rt::{Clock, Wake, now_ns};
 use crate::serve::{Done, Ends};
-use crate::serving::Applied;
+use crate::swap::Applied;
 use crate::tick::Controller;
 
 /// How long an unpaced loop sleeps while there is nothing to do.

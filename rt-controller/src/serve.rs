@@ -15,7 +15,7 @@ use crate::loop_report::LoopReport;
 use crate::recording::Recording;
 use crate::rt::Raised;
 use crate::run::{RunError, RunSummary};
-use crate::serving::Applied;
+use crate::swap::Applied;
 
 /// Ticks the telemetry ring holds: 4 s at 1 kHz, 0.2 s at the pace of the simulation.
 const TELEMETRY_RING: usize = 4096;

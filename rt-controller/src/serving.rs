@@ -8,59 +8,12 @@
 use std::sync::Arc;
 
 use shm_types::command::AT_NOW;
-use shm_types::policy::{PolicyMsg, PolicyName};
-use thiserror::Error;
+use shm_types::policy::PolicyName;
+
+use crate::swap::{Applied, Served, Stage, SwapRefused, Swapping};
 
 /// Activations that can be rolled back one after the other.
 const MAX_PREVIOUS: usize = 32;
-
-/// A policy that passed admission and dry run.
-#[derive(Debug)]
-pub(crate) struct Served<P> {
-    pub message: PolicyMsg,
-    pub policy: P,
-    pub n_records: usize,
-}
-
-impl<P> Served<P> {
-    pub fn name(&self) -> PolicyName {
-        self.message.name()
-    }
-}
-
-/// Why a swap was refused.
-#[derive(Debug, Error, PartialEq)]
-pub(crate) enum SwapRefused {
-    #[error("a swap to policy {0} is under way: wait for its acknowledgement and try again")]
-    UnderWay(String),
-    #[error(
-        "there is no earlier policy to go back to, and no good one yet: activate one by its id"
-    )]
-    NoWayBack,
-    #[error("no policy is active and none is good yet: activate one first")]
-    NothingToPin,
-}
-
-/// A commanded swap until it is complete.
-#[derive(Debug)]
-struct Swapping<P> {
-    seq: u64,
-    to: Arc<Served<P>>,
-    now: bool,
-    stage: Stage,
-    /// A way back does not become a policy to go back to.
-    is_rollback: bool,
-}
-
-#[derive(Debug, PartialEq)]
-enum Stage {
-    /// Not handed to the loop yet.
-    Waiting,
-    /// On its way to the loop.
-    Sent,
-    /// Acts, and the old policy fades out until this tick.
-    Fading { until: u64 },
-}
 
 /// What to hand to the loop.
 #[derive(Debug)]
@@ -70,19 +23,6 @@ pub(crate) enum Next<P> {
     /// The learner's proposal.
     Learner,
     Nothing,
-}
-
-/// The loop's word that a swap is done.
-#[derive(Debug)]
-pub(crate) struct Applied<P> {
-    pub seq: u64,
-    /// First tick in which no other policy acts alone, and when it began, ns.
-    pub tick: u64,
-    pub at_ns: u64,
-    /// A rollout is in progress.
-    pub in_rollout: bool,
-    /// What the loop now holds, to be compared with what it was sent.
-    pub policy: P,
 }
 
 #[derive(Debug)]
@@ -292,6 +232,7 @@ impl<P: PartialEq> Serving<P> {
         let had = self.active.is_some() || self.pinned;
         match self.other_good() {
             Some(good) => {
+                self.previous.retain(|previous| previous.name() != good.name());
                 self.active = Some(good);
                 self.rollbacks += 1;
                 true

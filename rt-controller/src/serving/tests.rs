@@ -1,6 +1,7 @@
 //! The state machine alone: every way a policy becomes active, good, or neither.
 
 use shm_types::command::AT_NEXT_ROLLOUT;
+use shm_types::policy::PolicyMsg;
 
 use super::*;
 
@@ -117,6 +118,7 @@ fn a_fault_leads_back_to_the_last_good_policy_and_its_own_to_none() {
     assert!(ended(&mut serving, 2, true));
     assert_eq!(next_id(&mut serving, true, false), Some(1), "still pinned, to the good one");
     assert_eq!(serving.rollbacks, 1);
+    assert_eq!(serving.rollback(AT_NOW), Err(SwapRefused::NoWayBack), "it is there already");
     assert!(ended(&mut serving, 1, true));
     assert_eq!(next_id(&mut serving, false, true), None, "held, nothing is good any more");
     assert!(!serving.is_pinned());
