@@ -89,7 +89,8 @@ fn a_swap_is_acknowledged_with_its_tick_and_leads_both_ways() {
     let first: Value = serde_json::from_str(&live.policy(&["activate", "1", "--json"])).unwrap();
     assert_eq!(first["policy_id"], 1);
     assert_eq!(live.status().applied_tick, first["applied_tick"].as_u64().unwrap());
-    live.policy(&["pin"]);
+    let pinned: Value = serde_json::from_str(&live.policy(&["pin", "--json"])).unwrap();
+    assert_eq!((&pinned["active"], &pinned["pinned"]), (&"1".into(), &true.into()));
     let second: Value =
         serde_json::from_str(&live.policy(&["activate", "2", "--at", "now", "--json"])).unwrap();
     assert_eq!(second["policy_id"], 2);

@@ -99,6 +99,9 @@ Examples:
         /// the cell
         #[arg(num_args = 1..=2, value_names = ["SESSION", "MODE"])]
         policy: Vec<String>,
+        /// Print JSON (of a cell)
+        #[arg(long)]
+        json: bool,
         #[command(flatten)]
         cell: CellArgs,
     },
@@ -107,6 +110,9 @@ Examples:
     Allow {
         /// Number in the cell
         id: u64,
+        /// Print JSON
+        #[arg(long)]
+        json: bool,
         #[command(flatten)]
         cell: CellArgs,
     },
@@ -175,12 +181,18 @@ Examples:
     /// Serve the active policy rollout after rollout, whatever a learner asks; survives a restart
     #[command(after_help = "Example: skillet policy pin --cell kitchen")]
     Pin {
+        /// Print JSON
+        #[arg(long)]
+        json: bool,
         #[command(flatten)]
         cell: CellArgs,
     },
     /// Let the learner's proposals in again
     #[command(after_help = "Example: skillet policy unpin --cell kitchen")]
     Unpin {
+        /// Print JSON
+        #[arg(long)]
+        json: bool,
         #[command(flatten)]
         cell: CellArgs,
     },

@@ -9,8 +9,7 @@ use rt_controller::rt::now_ns;
 use rt_controller::state_file::State;
 use serde_json::json;
 use shm_types::command::{
-    AT_NEXT_ROLLOUT, AT_NOW, COMMAND_ACTIVATE, COMMAND_IMPORT, COMMAND_ROLLBACK, Command,
-    LAST_GOOD, Reply,
+    AT_NEXT_ROLLOUT, AT_NOW, COMMAND_ACTIVATE, COMMAND_IMPORT, COMMAND_ROLLBACK, Command, LAST_GOOD,
 };
 use shm_types::policy::PolicyMsg;
 use shm_types::policy_json;
@@ -102,17 +101,19 @@ fn swap(cell: &NamedCell, command: Command, at: AtArg, as_json: bool) -> Result<
 }
 
 /// A command about what is served; says what is.
-pub fn change(cell: &NamedCell, kind: u64, policy_id: u64) -> Result<Verdict> {
+pub fn change(cell: &NamedCell, kind: u64, policy_id: u64, as_json: bool) -> Result<Verdict> {
     let (reply, _) = cell.request(&Command { policy_id, ..command(kind) }, SOON)?;
-    print(&format!("{}\n", served(&reply)))?;
-    Ok(Verdict::Done)
-}
-
-fn served(reply: &Reply) -> String {
     let status = &reply.status;
-    let pinned = if status.pinned == 1 { "pinned" } else { "not pinned: a learner comes first" };
     let (active, good) = (status.active.describe(), status.last_good.describe());
-    format!("active policy {active} ({pinned}); last good policy {good}")
+    if as_json {
+        let pinned = status.pinned == 1;
+        print_json(&json!({ "active": active, "pinned": pinned, "last_good": good }))?;
+    } else {
+        let pinned =
+            if status.pinned == 1 { "pinned" } else { "not pinned: a learner comes first" };
+        print(&format!("active policy {active} ({pinned}); last good policy {good}\n"))?;
+    }
+    Ok(Verdict::Done)
 }
 
 /// The catalogue as it is on disk: it needs no controller.

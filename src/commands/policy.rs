@@ -26,9 +26,11 @@ pub fn run(args: &PolicyArgs) -> Result<Verdict> {
             live::list(&NamedCell::of(cell)?, *json)
         }
         PolicyVerb::Modes { session, prefer, json } => modes::list(session, *prefer, *json),
-        PolicyVerb::Forbid { policy, cell } => match policy.as_slice() {
+        PolicyVerb::Forbid { policy, json, cell } => match policy.as_slice() {
             [session, mode] => modes::forbid(Path::new(session), mode),
-            [id, ..] => live::change(&NamedCell::of(cell)?, COMMAND_FORBID, live::number(id)?),
+            [id, ..] => {
+                live::change(&NamedCell::of(cell)?, COMMAND_FORBID, live::number(id)?, *json)
+            }
             [] => unreachable!("clap wants one or two"),
         },
         PolicyVerb::Export { from, prefer, mode, cell } => {
@@ -54,9 +56,15 @@ pub fn run(args: &PolicyArgs) -> Result<Verdict> {
         PolicyVerb::Rollback { at, json, cell } => {
             live::rollback(&NamedCell::of(cell)?, *at, *json)
         }
-        PolicyVerb::Allow { id, cell } => live::change(&NamedCell::of(cell)?, COMMAND_ALLOW, *id),
-        PolicyVerb::Pin { cell } => live::change(&NamedCell::of(cell)?, COMMAND_PIN, LAST_GOOD),
-        PolicyVerb::Unpin { cell } => live::change(&NamedCell::of(cell)?, COMMAND_UNPIN, LAST_GOOD),
+        PolicyVerb::Allow { id, json, cell } => {
+            live::change(&NamedCell::of(cell)?, COMMAND_ALLOW, *id, *json)
+        }
+        PolicyVerb::Pin { json, cell } => {
+            live::change(&NamedCell::of(cell)?, COMMAND_PIN, LAST_GOOD, *json)
+        }
+        PolicyVerb::Unpin { json, cell } => {
+            live::change(&NamedCell::of(cell)?, COMMAND_UNPIN, LAST_GOOD, *json)
+        }
     }
 }
 
