@@ -19,6 +19,7 @@ use crate::loop_report::LoopReport;
 use crate::run::RunSummary;
 use crate::serve::{ExchangeEnds, Swap};
 use crate::serving::Serving;
+use crate::spool::Spool;
 use crate::state_file::{State, StateError};
 use crate::swap::Served;
 
@@ -78,6 +79,8 @@ pub(crate) struct Exchange<'a, P> {
     pub(crate) report: LoopReport,
     pub(crate) serving: Serving<P>,
     pub(crate) catalogue: Catalogue,
+    /// Where there is a state folder.
+    pub(crate) spool: Option<Spool>,
     pub(crate) commands: Commands,
     pub(crate) link: LearnerLink,
     /// Newest first.
@@ -108,6 +111,7 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
     ) -> Result<Exchange<'a, P>, StateError> {
         let catalogue = Catalogue::open(setup.state)?;
         let serving = restore(&setup, catalogue.left());
+        let spool = setup.state.map(|dir| open_spool(&dir.join("spool"))).transpose()?;
         Ok(Exchange {
             ports,
             setup,
@@ -115,6 +119,7 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
             report,
             serving,
             catalogue,
+            spool,
             commands: Commands::new(),
             link: LearnerLink::new(),
             known: Vec::new(),
@@ -142,7 +147,11 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
             self.serving.passed(self.report.last.tick, self.in_flight.is_some());
             self.take_applied();
             self.take_done();
+            self.take_spooled();
             self.link.receive(&self.ports, self.in_flight.as_ref().map(|f| f.served.name()));
+            if let (Some(spool), Some((session, rollout))) = (&mut self.spool, self.link.news()) {
+                spool.acknowledged(session, rollout);
+            }
             if self.serve_commands() {
                 stop.store(true, Ordering::Relaxed);
             }
@@ -197,6 +206,15 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
             let _ = self.ends.swaps.push(swap);
         }
     }
+}
+
+fn open_spool(dir: &Path) -> Result<Spool, StateError> {
+    let spool =
+        Spool::open(dir).map_err(|source| StateError::Io { path: dir.to_path_buf(), source })?;
+    if spool.len() > 0 {
+        tracing::info!(episodes = spool.len(), "spooled episodes wait for their learner");
+    }
+    Ok(spool)
 }
 
 /// What an earlier run served, if it is still admitted.
