@@ -156,3 +156,41 @@ fn an_episode_survives_the_death_of_both() {
     bench.ok(&["learn", "pancake", "--seed", "3", "--rollouts", "2", "--out", "undisturbed"]);
     assert_eq!(bits(&trials), bits(&bench.trials("undisturbed")));
 }
+
+/// As systemd does it: readiness, a sign of life every second, the announced end.
+#[test]
+fn a_service_manager_is_told_of_readiness_life_and_end() {
+    use std::os::unix::net::UnixDatagram;
+    let bench = Bench::new();
+    let path = bench.path("notify");
+    let manager = UnixDatagram::bind(&path).unwrap();
+    manager.set_read_timeout(Some(util::WATCHDOG)).unwrap();
+    let said = |word: &str| {
+        let mut buffer = [0; 256];
+        eventually(word, || {
+            let n = manager.recv(&mut buffer).ok()?;
+            String::from_utf8_lossy(&buffer[..n]).contains(word).then_some(())
+        });
+    };
+    let start = |arguments: &[&str]| {
+        let mut command = bench.skillet(arguments);
+        command.env("NOTIFY_SOCKET", &path).stderr(std::process::Stdio::null());
+        command.spawn().unwrap()
+    };
+    let services = [
+        vec!["controller", "--cell", "c1", "--pace", "realtime"],
+        vec!["learner", "--cell", "c1", "--session", "s"],
+    ];
+    // The second one joins the first, and both end at the end of the test.
+    let mut running = Vec::new();
+    for arguments in &services {
+        running.push(start(arguments));
+        said("READY=1");
+        said("WATCHDOG=1");
+    }
+    for mut service in running.into_iter().rev() {
+        kill(service.id(), "TERM");
+        said("STOPPING=1");
+        service.wait().unwrap();
+    }
+}

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use sd_notify::NotifyState;
 use shm_types::SCHEMA;
 use shm_types::policy::{PolicyMsg, PolicyName};
 use shm_types::ports::ControllerPorts;
@@ -17,7 +18,7 @@ use crate::config::Pace;
 use crate::learner_link::LearnerLink;
 use crate::loop_report::LoopReport;
 use crate::run::RunSummary;
-use crate::serve::{ExchangeEnds, Swap};
+use crate::serve::{ExchangeEnds, Swap, tell_manager};
 use crate::serving::Serving;
 use crate::spool::Spool;
 use crate::state_file::{State, StateError};
@@ -96,6 +97,8 @@ pub(crate) struct Exchange<'a, P> {
     /// Something was done in this round.
     pub(crate) active: bool,
     beat_counter: u64,
+    /// Tick of the loop when the watchdog was last looked after.
+    watched_tick: u64,
     /// Said once, not with every attempt.
     pub(crate) loan_failed: bool,
 }
@@ -132,6 +135,7 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
             refused: 0,
             active: false,
             beat_counter: 0,
+            watched_tick: 0,
             loan_failed: false,
         })
     }
@@ -165,6 +169,7 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
             if now >= next_housekeeping {
                 next_housekeeping = now + HOUSEKEEPING;
                 self.ports.clean_up();
+                self.feed_watchdog();
             }
             idle_rounds = if self.active { 0 } else { idle_rounds + 1 };
             match idle_rounds < EAGER_ROUNDS {
@@ -186,6 +191,16 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
             wakeup: self.report.stats.wakeup(),
             tick: self.report.stats.tick(),
         }
+    }
+
+    /// Only while the loop lives: one that has stopped ticking is worth a restart.
+    fn feed_watchdog(&mut self) {
+        let tick = self.report.last.tick;
+        // Without the wall clock nothing ticks between rollouts.
+        if !self.setup.is_realtime() || tick != self.watched_tick {
+            tell_manager(NotifyState::Watchdog);
+        }
+        self.watched_tick = tick;
     }
 
     fn beat(&mut self) {
