@@ -119,3 +119,78 @@ fn refused_policies_end_the_session_with_the_reason_and_are_no_trials() {
     bench.refused(&learner, &["rollout 1", "3 attempts", "refused the policy"]);
     assert!(bench.trials("s").is_empty());
 }
+
+/// An episode whose learner died before it took it outlives the controller, too, and is learnt once
+/// it is asked for: as it was executed, not again.
+#[test]
+fn an_episode_survives_the_death_of_both() {
+    let bench = Bench::new();
+    let realtime = ["controller", "--cell", "c1", "--pace", "realtime"];
+    let first = bench.start(&realtime);
+    let boot_id = || status(&bench).map(|status| status["boot_id"].clone());
+    let first_boot = eventually("a controller", boot_id);
+    let config = bench.write("c.toml", "[learner]\nrollouts = 2\nseed = 3\n");
+    let learner = ["learner", "--cell", "c1", "--session", "s", "--config"];
+    let learner = [&learner[..], &[config.to_str().unwrap()]].concat();
+    let running = bench.start(&learner);
+    eventually("the second rollout", || {
+        status(&bench).filter(|s| s["rollout"] == 1 && s["rollouts_done"] == 1)?;
+        status(&bench).filter(|status| status["phase"] == "execute")
+    });
+    kill(running.pid(), "KILL");
+    running.wait();
+    eventually("its end", || status(&bench).filter(|s| s["rollouts_done"] == 2));
+    let spooled = || status(&bench).filter(|status| status["spooled_episodes"] == 1);
+    eventually("an episode on disk", spooled);
+    kill(first.pid(), "KILL");
+    first.wait();
+
+    let _second = bench.start(&realtime);
+    eventually("an episode on disk", spooled);
+    assert!(bench.start(&learner).wait().status.success());
+    eventually("an empty spool", || status(&bench).filter(|s| s["spooled_episodes"] == 0));
+    assert_eq!(status(&bench).unwrap()["rollouts_done"], 0, "nothing was executed again");
+    let trials = bench.trials("s");
+    assert_eq!(trials.len(), 2);
+    assert!(trials.iter().all(|trial| first_boot == trial.boot_id), "{first_boot}");
+    bench.ok(&["learn", "pancake", "--seed", "3", "--rollouts", "2", "--out", "undisturbed"]);
+    assert_eq!(bits(&trials), bits(&bench.trials("undisturbed")));
+}
+
+/// As systemd does it: readiness, a sign of life every second, the announced end.
+#[test]
+fn a_service_manager_is_told_of_readiness_life_and_end() {
+    use std::os::unix::net::UnixDatagram;
+    let bench = Bench::new();
+    let path = bench.path("notify");
+    let manager = UnixDatagram::bind(&path).unwrap();
+    manager.set_read_timeout(Some(util::WATCHDOG)).unwrap();
+    let said = |word: &str| {
+        let mut buffer = [0; 256];
+        eventually(word, || {
+            let n = manager.recv(&mut buffer).ok()?;
+            String::from_utf8_lossy(&buffer[..n]).contains(word).then_some(())
+        });
+    };
+    let start = |arguments: &[&str]| {
+        let mut command = bench.skillet(arguments);
+        command.env("NOTIFY_SOCKET", &path).stderr(std::process::Stdio::null());
+        command.spawn().unwrap()
+    };
+    let services = [
+        vec!["controller", "--cell", "c1", "--pace", "realtime"],
+        vec!["learner", "--cell", "c1", "--session", "s"],
+    ];
+    // The second one joins the first, and both end at the end of the test.
+    let mut running = Vec::new();
+    for arguments in &services {
+        running.push(start(arguments));
+        said("READY=1");
+        said("WATCHDOG=1");
+    }
+    for mut service in running.into_iter().rev() {
+        kill(service.id(), "TERM");
+        said("STOPPING=1");
+        service.wait().unwrap();
+    }
+}

@@ -8,6 +8,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use sd_notify::NotifyState;
 use shm_types::SCHEMA;
 use shm_types::episode::Ack;
 use shm_types::policy::PolicyMsg;
@@ -257,6 +258,8 @@ impl<'a> Link<'a> {
         if now >= self.next_housekeeping {
             self.next_housekeeping = now + HOUSEKEEPING;
             self.ports.clean_up();
+            // A service manager that does not listen will notice by itself.
+            let _ = sd_notify::notify(false, &[NotifyState::Watchdog]);
         }
         let was_pinned = self.is_pinned;
         let restarted = self.hear(now);

@@ -270,6 +270,8 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
             commands_refused: self.commands.refused,
             rollbacks: self.serving.rollbacks,
             state_errors: self.catalogue.errors,
+            spooled: self.spool.as_ref().map_or(0, |spool| spool.len() as u64),
+            spool_full: u64::from(self.spool.as_ref().is_some_and(|spool| spool.is_full())),
             unacknowledged: self.link.unacknowledged(),
             learner_age_ns: self.link.age().map_or(u64::MAX, |age| age.as_nanos() as u64),
             deadline_misses: self.report.stats.missed,

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use sd_notify::NotifyState;
 use shm_types::SCHEMA;
 use shm_types::policy::{PolicyMsg, PolicyName};
 use shm_types::ports::ControllerPorts;
@@ -17,8 +18,9 @@ use crate::config::Pace;
 use crate::learner_link::LearnerLink;
 use crate::loop_report::LoopReport;
 use crate::run::RunSummary;
-use crate::serve::{ExchangeEnds, Swap};
+use crate::serve::{ExchangeEnds, Swap, tell_manager};
 use crate::serving::Serving;
+use crate::spool::Spool;
 use crate::state_file::{State, StateError};
 use crate::swap::Served;
 
@@ -78,6 +80,8 @@ pub(crate) struct Exchange<'a, P> {
     pub(crate) report: LoopReport,
     pub(crate) serving: Serving<P>,
     pub(crate) catalogue: Catalogue,
+    /// Where there is a state folder.
+    pub(crate) spool: Option<Spool>,
     pub(crate) commands: Commands,
     pub(crate) link: LearnerLink,
     /// Newest first.
@@ -93,6 +97,8 @@ pub(crate) struct Exchange<'a, P> {
     /// Something was done in this round.
     pub(crate) active: bool,
     beat_counter: u64,
+    /// Tick of the loop when the watchdog was last looked after.
+    watched_tick: u64,
     /// Said once, not with every attempt.
     pub(crate) loan_failed: bool,
 }
@@ -108,6 +114,7 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
     ) -> Result<Exchange<'a, P>, StateError> {
         let catalogue = Catalogue::open(setup.state)?;
         let serving = restore(&setup, catalogue.left());
+        let spool = setup.state.map(|dir| open_spool(&dir.join("spool"))).transpose()?;
         Ok(Exchange {
             ports,
             setup,
@@ -115,6 +122,7 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
             report,
             serving,
             catalogue,
+            spool,
             commands: Commands::new(),
             link: LearnerLink::new(),
             known: Vec::new(),
@@ -127,6 +135,7 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
             refused: 0,
             active: false,
             beat_counter: 0,
+            watched_tick: 0,
             loan_failed: false,
         })
     }
@@ -142,7 +151,11 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
             self.serving.passed(self.report.last.tick, self.in_flight.is_some());
             self.take_applied();
             self.take_done();
+            self.take_spooled();
             self.link.receive(&self.ports, self.in_flight.as_ref().map(|f| f.served.name()));
+            if let (Some(spool), Some((session, rollout))) = (&mut self.spool, self.link.news()) {
+                spool.acknowledged(session, rollout);
+            }
             if self.serve_commands() {
                 stop.store(true, Ordering::Relaxed);
             }
@@ -156,6 +169,7 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
             if now >= next_housekeeping {
                 next_housekeeping = now + HOUSEKEEPING;
                 self.ports.clean_up();
+                self.feed_watchdog();
             }
             idle_rounds = if self.active { 0 } else { idle_rounds + 1 };
             match idle_rounds < EAGER_ROUNDS {
@@ -179,6 +193,16 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
         }
     }
 
+    /// Only while the loop lives: one that has stopped ticking is worth a restart.
+    fn feed_watchdog(&mut self) {
+        let tick = self.report.last.tick;
+        // Without the wall clock nothing ticks between rollouts.
+        if !self.setup.is_realtime() || tick != self.watched_tick {
+            tell_manager(NotifyState::Watchdog);
+        }
+        self.watched_tick = tick;
+    }
+
     fn beat(&mut self) {
         self.beat_counter += 1;
         let (boot_id, counter) = (self.boot_id, self.beat_counter);
@@ -197,6 +221,15 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
             let _ = self.ends.swaps.push(swap);
         }
     }
+}
+
+fn open_spool(dir: &Path) -> Result<Spool, StateError> {
+    let spool =
+        Spool::open(dir).map_err(|source| StateError::Io { path: dir.to_path_buf(), source })?;
+    if spool.len() > 0 {
+        tracing::info!(episodes = spool.len(), "spooled episodes wait for their learner");
+    }
+    Ok(spool)
 }
 
 /// What an earlier run served, if it is still admitted.

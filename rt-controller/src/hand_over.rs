@@ -12,6 +12,7 @@ use crate::fault::Fault;
 use crate::recording::Recording;
 use crate::serve::{Done, Job};
 use crate::serving::Next;
+use crate::spool::{Spool, Spooled};
 use crate::swap::Served;
 
 impl<P: Clone + PartialEq> Exchange<'_, P> {
@@ -83,7 +84,26 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
             self.serving.proved_itself(in_flight.served);
             self.remember();
         }
-        self.send(name, done.episode);
+        match &mut self.spool {
+            // A proposal with a swap in it is asked for again, whatever it did.
+            Some(spool) if fault != Fault::Swapped => spool.store(name, done.episode),
+            _ => self.send(name, done.episode),
+        }
+    }
+
+    /// Sends what is on disk. What could not be written is sent all the same: the learner may still
+    /// take it.
+    pub(crate) fn take_spooled(&mut self) {
+        while let Some(Spooled { name, episode, result }) =
+            self.spool.as_mut().and_then(Spool::spooled)
+        {
+            self.active = true;
+            if let Err(error) = result {
+                self.catalogue.errors += 1;
+                tracing::error!("episode not spooled: {error}; free space or mend permissions");
+            }
+            self.send(name, episode);
+        }
     }
 
     fn service_ended(&mut self, in_flight: &InFlight<P>, done: &Done) {
@@ -161,7 +181,8 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
             return;
         }
         let alone = self.setup.alone_after.is_some_and(|after| self.link.is_absent(after));
-        match self.serving.next(self.link.proposal.is_some(), alone) {
+        let learner_waits = self.link.proposal.is_some() && !self.must_pause();
+        match self.serving.next(learner_waits, alone) {
             Next::Nothing => {}
             Next::Serve(served, swap) => {
                 let n_records = served.n_records;
@@ -174,10 +195,32 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
         }
     }
 
+    /// The spool is full: no further proposal is executed, unless it lies there already.
+    fn must_pause(&self) -> bool {
+        let (Some(spool), Some(proposal)) = (&self.spool, &self.link.proposal) else {
+            return false;
+        };
+        spool.is_full() && !spool.holds(&proposal.name())
+    }
+
     /// A refusal travels as an episode without records, but an episode it is.
     fn hand_over_proposal(&mut self) {
         let Some(message) = self.link.proposal.take() else { return };
         let name = message.name();
+        if self.spool.as_ref().is_some_and(|spool| spool.is_writing(&name)) {
+            return; // it will be sent in a moment
+        }
+        if let Some((header, records)) = self.spool.as_mut().and_then(|spool| spool.find(&name)) {
+            let Some(mut episode) = self.loan(records.len()) else {
+                self.link.proposal = Some(message);
+                return;
+            };
+            *episode.user_header_mut() = header;
+            episode.payload_mut()[..records.len()].copy_from_slice(&records);
+            tracing::info!(rollout = name.rollout, "episode sent again from the spool");
+            self.send(name, episode);
+            return;
+        }
         let admitted = (self.setup.admit)(&message);
         let n_records = admitted.as_ref().map_or(1, |(_, n_records)| *n_records);
         let Some(mut episode) = self.loan(n_records) else {

@@ -73,7 +73,7 @@ fn keep(inbox: &Receiver<Order>, outbox: &Sender<Kept>) {
             if superseded {
                 continue;
             }
-            let result = write(&order.path, &order.text)
+            let result = write_whole(&order.path, order.text.as_bytes())
                 .map_err(|error| format!("{}: {error}", order.path.display()));
             for same in orders[..=i].iter().filter(|other| other.path == order.path) {
                 let _ = outbox.send(Kept { ticket: same.ticket, result: result.clone() });
@@ -83,13 +83,13 @@ fn keep(inbox: &Receiver<Order>, outbox: &Sender<Kept>) {
 }
 
 /// Replaces the file as a whole and durably: old or new after a crash, never half.
-fn write(path: &Path, text: &str) -> io::Result<()> {
+pub(crate) fn write_whole(path: &Path, content: &[u8]) -> io::Result<()> {
     let dir = path.parent().unwrap_or(Path::new("."));
     fs::DirBuilder::new().recursive(true).mode(0o700).create(dir)?;
     let draft = path.with_extension("new");
     let mut file =
         OpenOptions::new().write(true).create(true).truncate(true).mode(0o600).open(&draft)?;
-    file.write_all(text.as_bytes())?;
+    file.write_all(content)?;
     file.sync_all()?;
     fs::rename(&draft, path)?;
     File::open(dir)?.sync_all()

@@ -14,6 +14,8 @@ pub(crate) struct LearnerLink {
     /// Newest session and rollout reported, and up to which the learner holds its own durable.
     reported: PolicyName,
     durable: (u64, u64),
+    /// It has changed since somebody looked.
+    has_news: bool,
     /// Received, not yet handed to the loop.
     pub proposal: Option<PolicyMsg>,
 }
@@ -25,6 +27,7 @@ impl LearnerLink {
             seen: None,
             reported: PolicyName::NONE,
             durable: (0, 0),
+            has_news: false,
             proposal: None,
         }
     }
@@ -41,6 +44,7 @@ impl LearnerLink {
         while let Ok(Some(ack)) = ports.acks.receive() {
             if ack.schema == SCHEMA {
                 self.durable = (ack.session, ack.durable_rollout);
+                self.has_news = true;
             }
         }
         while let Ok(Some(beat)) = ports.learner_beat.receive() {
@@ -53,6 +57,11 @@ impl LearnerLink {
     /// An episode was sent.
     pub fn reported(&mut self, name: PolicyName) {
         self.reported = name;
+    }
+
+    /// Session and rollout up to which it is durable, once after each acknowledgement.
+    pub fn news(&mut self) -> Option<(u64, u64)> {
+        std::mem::take(&mut self.has_news).then_some(self.durable)
     }
 
     /// Episodes sent whose durability is not confirmed.

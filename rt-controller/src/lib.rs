@@ -30,6 +30,7 @@ pub mod run;
 mod serve;
 mod serving;
 pub mod simulate;
+mod spool;
 pub mod state_file;
 mod swap;
 pub mod task;

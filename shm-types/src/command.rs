@@ -84,6 +84,10 @@ message! {
         pub rollbacks: u64,
         /// Writes of the cell's state that failed.
         pub state_errors: u64,
+        /// Episodes in the spool, on disk until the learner holds them durable; 1 when it is full and
+        /// learning pauses.
+        pub spooled: u64,
+        pub spool_full: u64,
         /// Episodes sent whose durability the learner has not confirmed.
         pub unacknowledged: u64,
         /// Age of the learner's last heartbeat; `u64::MAX` when none was ever seen.
@@ -207,6 +211,8 @@ impl Status {
         commands_refused: 0,
         rollbacks: 0,
         state_errors: 0,
+        spooled: 0,
+        spool_full: 0,
         unacknowledged: 0,
         learner_age_ns: u64::MAX,
         deadline_misses: 0,

@@ -8,7 +8,11 @@ macro_rules! message {
         }
     ) => {
         $(#[$meta])*
-        #[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
+        #[derive(
+            Clone, Copy, Debug, PartialEq, ZeroCopySend,
+            // Also: no padding, whose bytes would be anybody's guess.
+            zerocopy::IntoBytes, zerocopy::FromBytes, zerocopy::Immutable, zerocopy::KnownLayout,
+        )]
         #[repr(C)]
         #[type_name($type_name)]
         pub struct $name {

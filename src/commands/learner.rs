@@ -9,6 +9,7 @@ use learner::Learner;
 use learner::modes::choose;
 use learner::session::{self, End, Event};
 use learner::store::SessionMeta;
+use sd_notify::NotifyState;
 use shm_types::cell::{Cell, Role};
 use shm_types::channel::ChannelError;
 use shm_types::ports::LearnerPorts;
@@ -45,13 +46,18 @@ pub fn run(args: &LearnerArgs) -> Result<Verdict> {
     let _lock = cell.lock(Role::Learner)?;
     let mut learner = open(&folder, &config)?;
 
+    // A learner that waits for its controller is up.
+    let _ = sd_notify::notify(false, &[NotifyState::Ready]);
     let ports = loop {
         match LearnerPorts::open(&cell, PATIENCE, &|| stop.load(Ordering::Relaxed)) {
             Ok(ports) => break ports,
             Err(ChannelError::NoController { .. }) if stop.load(Ordering::Relaxed) => {
                 return Ok(Verdict::Negative);
             }
-            Err(error @ ChannelError::NoController { .. }) => tracing::warn!("{error}; waiting"),
+            Err(error @ ChannelError::NoController { .. }) => {
+                tracing::warn!("{error}; waiting");
+                let _ = sd_notify::notify(false, &[NotifyState::Watchdog]);
+            }
             Err(error) => return Err(error.into()),
         }
     };
@@ -59,6 +65,7 @@ pub fn run(args: &LearnerArgs) -> Result<Verdict> {
     let mut line = TrialLine::so_far(&learner.summary());
     let mut on_event = |event| report(&event, &mut line, args.json);
     let end = session::run(&ports, &mut learner, &stop, &mut on_event)?;
+    let _ = sd_notify::notify(false, &[NotifyState::Stopping]);
     let modes = learner.modes()?;
     let answer = choose(modes.iter().map(|(report, _)| report), config.learner.prefer);
     tracing::info!(

@@ -58,6 +58,7 @@ fn as_json(cell: &Cell, status: &Status) -> serde_json::Value {
     json!({
         "cell": cell.name(),
         "controller": "running",
+        "boot_id": status.boot_id,
         "pace": if status.realtime == 1 { "realtime" } else { "max" },
         "phase": phase(status),
         "tick": status.tick,
@@ -79,6 +80,8 @@ fn as_json(cell: &Cell, status: &Status) -> serde_json::Value {
         "commands_refused": status.commands_refused,
         "rollbacks": status.rollbacks,
         "state_errors": status.state_errors,
+        "spooled_episodes": status.spooled,
+        "spool_full": status.spool_full == 1,
         "unacknowledged_episodes": status.unacknowledged,
         "learner_age_s": learner_age_s(status),
         "deadline_misses": status.deadline_misses,
@@ -135,6 +138,10 @@ fn as_text(cell: &Cell, status: &Status) -> String {
         status.policies_refused,
         status.commands_refused,
     );
+    if status.spooled > 0 {
+        let full = if status.spool_full == 1 { "; it is full, learning pauses" } else { "" };
+        text += &format!("spool       {} episodes wait for their learner{full}\n", status.spooled);
+    }
     if status.state_errors > 0 {
         text += &format!(
             "state       {} writes failed; see the controller's log\n",
