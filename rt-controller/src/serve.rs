@@ -100,7 +100,11 @@ pub(crate) fn serve<P: Send + Clone + PartialEq>(
         // The thread may be waiting for its next deadline; it sees `stop` right after.
         stop.store(true, Ordering::Relaxed);
         match thread.join() {
-            Ok(()) => Ok(summary),
+            Ok(()) => {
+                // The last episode may have come back meanwhile.
+                exchange.take_done();
+                Ok(summary)
+            }
             Err(panic) => Err(RunError::Panic(panic_text(&*panic))),
         }
     })
