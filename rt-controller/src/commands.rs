@@ -86,6 +86,9 @@ impl Commands {
         let first = self.waiting.iter().find(|waiting| waiting.request.id == request.id);
         match first.map(|first| first.outcome) {
             Some(outcome) => {
+                // Nobody waits any more for the answers of earlier attempts.
+                let id = request.id;
+                self.waiting.retain(|w| w.request.id != id || w.request.is_connected());
                 self.waiting.push(Waiting { request, outcome });
                 None
             }

@@ -21,6 +21,9 @@ use crate::telemetry::{Heartbeat, Telemetry};
 /// A client looks for its reply without pause for this long.
 const EAGER: Duration = Duration::from_millis(2);
 
+/// A command without reply is sent again after this long.
+const REPEAT: Duration = Duration::from_secs(1);
+
 /// The controller's ends; owned by its exchange thread.
 pub struct ControllerPorts {
     pub policies: Subscriber<Ipc, PolicyMsg, ()>,
@@ -163,12 +166,23 @@ impl ToolPorts {
         })
     }
 
-    /// Sends a command and waits for its reply; `None` after `timeout`.
+    /// Sends a command and waits for its reply; `None` after `timeout`. What is lost on the way, either
+    /// way, is sent again: its id makes a repetition the same command.
     pub fn request(&self, command: &Command, timeout: Duration) -> Option<Reply> {
-        let pending = self.commands.send_copy(*command).ok()?;
         let start = Instant::now();
-        while start.elapsed() < timeout {
-            if let Ok(Some(reply)) = pending.receive()
+        loop {
+            let left = timeout.checked_sub(start.elapsed())?;
+            if let Some(reply) = self.attempt(command, left.min(REPEAT)) {
+                return Some(reply);
+            }
+        }
+    }
+
+    fn attempt(&self, command: &Command, patience: Duration) -> Option<Reply> {
+        let start = Instant::now();
+        let pending = self.commands.send_copy(*command).ok();
+        while start.elapsed() < patience {
+            if let Some(Ok(Some(reply))) = pending.as_ref().map(|pending| pending.receive())
                 && reply.schema == SCHEMA
                 && reply.id == command.id
             {
