@@ -68,6 +68,12 @@ impl Live {
         self.bench.ok(&[&["policy"], arguments, &["--cell", "c1"]].concat())
     }
 
+    /// Activates policy 1, as soon as the swap before it has faded in.
+    fn activate(&self, at: &str) {
+        let arguments = ["policy", "activate", "1", "--at", at, "--cell", "c1"];
+        eventually("its turn", || self.bench.run(&arguments).status.success().then_some(()));
+    }
+
     fn refused(&self, arguments: &[&str], words: &[&str]) {
         self.bench.refused(&[&["policy"], arguments, &["--cell", "c1"]].concat(), words);
     }
@@ -210,7 +216,7 @@ fn swaps_and_pins_between_change_no_bit_of_a_session() {
     let learner = live.bench.start(&[&learner[..], &[config.to_str().unwrap()]].concat());
     live.bench.wait_for_trials("s", 5);
     for at in ["now", "next-rollout", "now"] {
-        live.policy(&["activate", "1", "--at", at]);
+        live.activate(at);
     }
     live.policy(&["pin"]);
     let held = live.bench.trials("s").len();
