@@ -1,5 +1,6 @@
 //! Controller and learner as child processes: start, watch, end in order.
 
+use std::ffi::OsStr;
 use std::io::{BufRead, BufReader};
 use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
@@ -25,9 +26,20 @@ impl Service {
     /// Starts `skillet <arguments>`; its standard error goes to `log`.
     pub fn start(
         name: &'static str,
-        arguments: &[&std::ffi::OsStr],
+        arguments: &[&OsStr],
         log: PathBuf,
         stdout: Stdio,
+    ) -> Result<Service> {
+        Service::start_with(name, arguments, log, stdout, &[])
+    }
+
+    /// With further variables in its environment.
+    pub fn start_with(
+        name: &'static str,
+        arguments: &[&OsStr],
+        log: PathBuf,
+        stdout: Stdio,
+        environment: &[(&str, &OsStr)],
     ) -> Result<Service> {
         let exe = std::env::current_exe().context("finding this executable")?;
         // A resumed session keeps what its earlier processes said.
@@ -38,6 +50,7 @@ impl Service {
             .with_context(|| format!("{}: cannot write the log", log.display()))?;
         let child = Command::new(exe)
             .args(arguments)
+            .envs(environment.iter().copied())
             .stdin(Stdio::null())
             .stdout(stdout)
             .stderr(file)

@@ -2,6 +2,7 @@
 
 pub mod bench;
 pub mod doctor;
+pub mod soak;
 
 use std::num::NonZero;
 use std::path::PathBuf;
@@ -45,6 +46,8 @@ pub enum Verb {
     Doctor(doctor::DoctorArgs),
     /// Measure how long things take on this host
     Bench(bench::BenchArgs),
+    /// Kill, swap and disturb cells that learn, for as long as you like, and count what is lost
+    Soak(soak::SoakArgs),
     /// Show the configuration in effect
     Config(ConfigArgs),
 }
@@ -168,6 +171,9 @@ pub struct ControllerArgs {
     /// What paces the loop: a service keeps the wall clock unless told otherwise
     #[arg(long, value_enum, default_value_t = PaceArg::Realtime)]
     pub pace: PaceArg,
+    /// Keep nothing on disk: the cell will not outlive this process
+    #[arg(long, hide = true)]
+    pub private: bool,
     /// End when the process that started this one ends
     #[arg(long, hide = true, value_name = "PID")]
     pub child: Option<u32>,

@@ -15,6 +15,7 @@ mod report;
 
 mod session_folder;
 mod setup;
+mod soak;
 mod study;
 mod summary;
 
@@ -42,6 +43,7 @@ fn main() -> ExitCode {
         Verb::Study(args) => commands::study::run(args),
         Verb::Doctor(args) => commands::doctor::run(args),
         Verb::Bench(args) => commands::bench::run(args),
+        Verb::Soak(args) => commands::soak::run(args),
         Verb::Config(args) => commands::config::run(args),
     };
     match result {

@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 
 use sd_notify::NotifyState;
 use shm_types::SCHEMA;
+use shm_types::channel::ChannelError;
 use shm_types::episode::Ack;
 use shm_types::policy::PolicyMsg;
 use shm_types::ports::LearnerPorts;
@@ -68,6 +69,8 @@ pub enum End {
 pub enum SessionError {
     #[error(transparent)]
     Learner(#[from] LearnerError),
+    #[error(transparent)]
+    Channel(#[from] ChannelError),
     #[error(
         "rollout {rollout} was not executed in {attempts} attempts: {reason}; everything before it \
          is saved"
@@ -86,7 +89,7 @@ pub enum SessionError {
 
 /// Runs the session until it is done or stopped.
 pub fn run(
-    ports: &LearnerPorts,
+    ports: LearnerPorts,
     learner: &mut Learner,
     stop: &AtomicBool,
     on_event: &mut dyn FnMut(Event),
@@ -107,8 +110,8 @@ pub fn run(
 }
 
 /// The learner's side of the cell, with what is known of the other side.
-struct Link<'a> {
-    ports: &'a LearnerPorts,
+struct Link {
+    ports: LearnerPorts,
     next_beat: Instant,
     next_housekeeping: Instant,
     beat_counter: u64,
@@ -119,8 +122,8 @@ struct Link<'a> {
     set_aside_in_a_row: u32,
 }
 
-impl<'a> Link<'a> {
-    fn new(ports: &'a LearnerPorts) -> Link<'a> {
+impl Link {
+    fn new(ports: LearnerPorts) -> Link {
         let now = Instant::now();
         Link {
             ports,
@@ -198,7 +201,7 @@ impl<'a> Link<'a> {
             if stop.load(Ordering::Relaxed) {
                 return Ok(None);
             }
-            let restarted = self.look_around(on_event);
+            let restarted = self.look_around(on_event)?;
             if self.is_pinned {
                 asked = Instant::now(); // it waits for its turn
             }
@@ -209,6 +212,7 @@ impl<'a> Link<'a> {
             };
             if let Some(reason) = reason {
                 on_event(Event::AskedAgain { rollout: policy.rollout, reason });
+                self.acknowledge(learner);
                 self.publish(policy)?;
                 asked = Instant::now();
             }
@@ -241,10 +245,15 @@ impl<'a> Link<'a> {
     }
 
     /// Beats, listens to the controller's beat, cleans up. True when the controller is a new one.
-    fn look_around(&mut self, on_event: &mut dyn FnMut(Event)) -> bool {
+    fn look_around(&mut self, on_event: &mut dyn FnMut(Event)) -> Result<bool, SessionError> {
         let now = Instant::now();
+        let mut restarted = false;
         if now >= self.next_beat {
             self.next_beat = now + BEAT;
+            restarted = self.ports.follow()?;
+            if restarted {
+                self.controller = None; // its beat is to come
+            }
             self.beat_counter += 1;
             let beat = Heartbeat {
                 schema: SCHEMA,
@@ -262,7 +271,7 @@ impl<'a> Link<'a> {
             let _ = sd_notify::notify(false, &[NotifyState::Watchdog]);
         }
         let was_pinned = self.is_pinned;
-        let restarted = self.hear(now);
+        restarted |= self.hear(now);
         if self.is_pinned != was_pinned {
             on_event(Event::Pinned(self.is_pinned));
         }
@@ -274,7 +283,7 @@ impl<'a> Link<'a> {
             self.is_silent = false;
             on_event(Event::ControllerBack);
         }
-        restarted
+        Ok(restarted)
     }
 
     fn hear(&mut self, now: Instant) -> bool {

@@ -5,7 +5,6 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use sd_notify::NotifyState;
 use shm_types::SCHEMA;
 use shm_types::policy::{PolicyMsg, PolicyName};
 use shm_types::ports::ControllerPorts;
@@ -18,11 +17,12 @@ use crate::config::Pace;
 use crate::learner_link::LearnerLink;
 use crate::loop_report::LoopReport;
 use crate::run::RunSummary;
-use crate::serve::{ExchangeEnds, Swap, tell_manager};
+use crate::serve::{ExchangeEnds, Swap};
 use crate::serving::Serving;
 use crate::spool::Spool;
 use crate::state_file::{State, StateError};
 use crate::swap::Served;
+use crate::watchdog::Watchdog;
 
 const POLL: Duration = Duration::from_micros(200);
 /// Rounds without work before the thread sleeps: what comes in bursts is answered at once.
@@ -97,6 +97,7 @@ pub(crate) struct Exchange<'a, P> {
     /// Something was done in this round.
     pub(crate) active: bool,
     beat_counter: u64,
+    watchdog: Watchdog,
     /// Tick of the loop when the watchdog was last looked after.
     watched_tick: u64,
     /// Said once, not with every attempt.
@@ -135,6 +136,7 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
             refused: 0,
             active: false,
             beat_counter: 0,
+            watchdog: Watchdog::start(),
             watched_tick: 0,
             loan_failed: false,
         })
@@ -198,7 +200,7 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
         let tick = self.report.last.tick;
         // Without the wall clock nothing ticks between rollouts.
         if !self.setup.is_realtime() || tick != self.watched_tick {
-            tell_manager(NotifyState::Watchdog);
+            self.watchdog.feed();
         }
         self.watched_tick = tick;
     }

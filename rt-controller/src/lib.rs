@@ -36,6 +36,7 @@ mod swap;
 pub mod task;
 pub mod tick;
 mod timing;
+mod watchdog;
 pub mod wrench;
 
 pub use action::run_action;

@@ -163,6 +163,11 @@ fn spool(inbox: &Receiver<(PathBuf, PolicyName, EpisodeLoan)>, outbox: &Sender<S
         let bytes = encode(episode.user_header(), episode.payload());
         let result =
             write_whole(&path, &bytes).map_err(|error| format!("{}: {error}", path.display()));
+        if result.is_ok() {
+            let PolicyName { session, rollout, .. } = name;
+            let boot_id = episode.user_header().boot_id;
+            tracing::info!(session, rollout, boot_id, "episode is durable");
+        }
         // The exchange has ended: the episode is on disk and will be asked for.
         let _ = outbox.send(Spooled { name, episode, result });
     }

@@ -11,19 +11,16 @@ use std::fs::{self, File, OpenOptions};
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
-use iceoryx2::prelude::{Config, FileName, Path as IpcPath, SemanticString};
 use rustix::fs::{FlockOperation, flock};
 use thiserror::Error;
 
 use crate::Digest;
+use crate::generation::{remove_shared_memory, shared_memory, sweep};
 
-/// Where iceoryx2 keeps shared-memory files on Linux.
-const SHM_DIR: &str = "/dev/shm";
-/// iceoryx2 puts sockets below its root, whose paths end at 108 bytes.
-const MAX_ROOT_LEN: usize = 60;
+/// A socket path ends at 107 bytes, and iceoryx2 puts `/g9999/sk01234567g9999_<31 digits>.event` below
+/// a cell's directory.
+const MAX_DIR_LEN: usize = 47;
 const MAX_NAME_LEN: usize = 24;
-/// No cell can have this name.
-const STARTING: &str = ".starting.lock";
 
 /// Who holds a lock of the cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,7 +44,7 @@ pub enum CellError {
     #[error("cell name '{0}': use 1 to {MAX_NAME_LEN} characters of a-z, 0-9 and '-'")]
     Name(String),
     #[error(
-        "cell directory {path} is {len} characters long, at most {MAX_ROOT_LEN} work: set SKILLET_RUNTIME_DIR to a shorter path"
+        "cell directory {path} is {len} characters long, at most {MAX_DIR_LEN} work: set SKILLET_RUNTIME_DIR to a shorter path"
     )]
     TooLong { path: PathBuf, len: usize },
     #[error(
@@ -67,10 +64,19 @@ pub struct Cell {
     dir: PathBuf,
 }
 
-/// Held while a process plays its role in the cell; the kernel frees it when the process ends.
+/// Held while a process plays its role in the cell; the kernel frees it when the process ends. Who
+/// gives it back as the last one takes everything away that the cell shared.
 #[derive(Debug)]
 pub struct CellLock {
-    _file: File,
+    file: Option<File>,
+    cell: Cell,
+}
+
+impl Drop for CellLock {
+    fn drop(&mut self) {
+        self.file = None;
+        self.cell.remove_if_idle();
+    }
 }
 
 impl Cell {
@@ -87,7 +93,7 @@ impl Cell {
         }
         let dir = runtime_dir.join(name);
         let len = dir.as_os_str().len();
-        if len > MAX_ROOT_LEN {
+        if len > MAX_DIR_LEN {
             return Err(CellError::TooLong { path: dir, len });
         }
         Ok(Cell { name: name.to_string(), dir })
@@ -97,24 +103,16 @@ impl Cell {
         &self.name
     }
 
-    /// Takes the role, or says who has it. Whoever comes alone clears what a crash left behind:
-    /// a process killed while it creates a service leaves that service unusable for good.
+    /// Takes the role, or says who has it.
     pub fn lock(&self, role: Role) -> Result<CellLock, CellError> {
         if let Some(parent) = self.dir.parent() {
             create_own_dir(parent)?;
         }
-        // Looking whether the other role is free takes its lock for an instant: one at a time.
+        // Whoever removes an idle cell takes both roles for an instant: one at a time.
         let _starting = self.starting()?;
         create_own_dir(&self.dir)?;
-        let lock = self.try_lock(role)?;
-        let other = match role {
-            Role::Controller => Role::Learner,
-            Role::Learner => Role::Controller,
-        };
-        if self.try_lock(other).is_ok() {
-            self.wipe();
-        }
-        Ok(lock)
+        let file = Some(self.try_lock(role)?);
+        Ok(CellLock { file, cell: self.clone() })
     }
 
     /// Removes what dead processes left of the cells whose name begins with `prefix`.
@@ -138,69 +136,52 @@ impl Cell {
         if let (Ok(_controller), Ok(_learner)) =
             (self.try_lock(Role::Controller), self.try_lock(Role::Learner))
         {
-            self.wipe();
-            // Nothing depends on success: the next lock() creates what is missing.
-            let _ = fs::remove_dir_all(&self.dir);
+            // A tool may still look at it; then the next one to end removes it.
+            if sweep(self) == 0 {
+                remove_shared_memory(&self.shm_prefix());
+                // Nothing depends on success: the next lock() creates what is missing.
+                let _ = fs::remove_dir_all(&self.dir);
+            }
         }
     }
 
-    /// iceoryx2 configuration under which only this user and this cell meet.
-    pub(crate) fn ipc_config(&self) -> Config {
-        let mut config = Config::default();
-        let prefix = FileName::new(self.shm_prefix().as_bytes());
-        let root = IpcPath::new(self.ipc_dir().as_os_str().as_encoded_bytes());
-        // Both are valid: new() checked the characters of the name and the length of the path.
-        if let (Ok(prefix), Ok(root)) = (prefix, root) {
-            config.global.prefix = prefix;
-            config.global.set_root_path(&root);
-        }
-        config
+    pub(crate) fn dir(&self) -> &Path {
+        &self.dir
     }
 
-    fn ipc_dir(&self) -> PathBuf {
-        self.dir.join("ipc")
+    /// What there is of the cell on this machine, shared memory included.
+    pub fn traces(&self) -> Vec<PathBuf> {
+        let dir = self.dir.exists().then(|| self.dir.clone());
+        dir.into_iter().chain(shared_memory(&self.shm_prefix())).collect()
     }
 
-    /// /dev/shm is one folder for all: the prefix tells cells of one name in different runtime
-    /// directories apart, or one would wipe the other.
-    fn shm_prefix(&self) -> String {
-        let place = Digest::new().bytes(self.dir.as_os_str().as_encoded_bytes()).finish();
-        format!("sk{place:016x}_{}_", self.name)
+    /// /dev/shm is one folder for all: the prefix tells all cells apart, also those of one name in
+    /// different runtime directories.
+    pub(crate) fn shm_prefix(&self) -> String {
+        let place = Digest::new().bytes(self.dir.as_os_str().as_encoded_bytes()).finish() as u32;
+        format!("sk{place:08x}g")
     }
 
-    /// Waits for its turn among all processes that start or end in a cell of this user. The lock
-    /// lies beside the cells, because a cell's own folder may be removed by whoever holds it.
-    fn starting(&self) -> Result<CellLock, CellError> {
-        let path = self.dir.with_file_name(STARTING);
-        let file = open_lock(&path)?;
-        flock(&file, FlockOperation::LockExclusive)
-            .map_err(|error| CellError::Io { path, source: error.into() })?;
-        Ok(CellLock { _file: file })
+    /// Waits for its turn among all processes that start or end in a cell of this user. It is the
+    /// runtime directory that is locked: a cell's own may be removed by whoever holds it.
+    fn starting(&self) -> Result<File, CellError> {
+        let path = self.dir.parent().unwrap_or(Path::new("."));
+        let dir = File::open(path).and_then(|dir| {
+            flock(&dir, FlockOperation::LockExclusive).map(|()| dir).map_err(Into::into)
+        });
+        dir.map_err(|source| CellError::Io { path: path.into(), source })
     }
 
-    fn try_lock(&self, role: Role) -> Result<CellLock, CellError> {
+    fn try_lock(&self, role: Role) -> Result<File, CellError> {
         let file = open_lock(&self.dir.join(format!("{}.lock", role.name())))?;
         flock(&file, FlockOperation::NonBlockingLockExclusive)
             .map_err(|_| CellError::Busy { cell: self.name.clone(), role: role.name() })?;
-        Ok(CellLock { _file: file })
-    }
-
-    /// Deletes the cell's shared memory and service files. Failures are left to the next user of
-    /// the cell: what cannot be deleted now either does no harm or is reported when it is opened.
-    fn wipe(&self) {
-        let _ = fs::remove_dir_all(self.ipc_dir());
-        let prefix = self.shm_prefix();
-        let Ok(entries) = fs::read_dir(SHM_DIR) else { return };
-        for entry in entries.flatten() {
-            if entry.file_name().to_string_lossy().starts_with(&prefix) {
-                let _ = fs::remove_file(entry.path());
-            }
-        }
+        Ok(file)
     }
 }
 
 /// Creates a directory for this user alone, or makes sure that it is this user's.
-fn create_own_dir(dir: &Path) -> Result<(), CellError> {
+pub(crate) fn create_own_dir(dir: &Path) -> Result<(), CellError> {
     let io = |source| CellError::Io { path: dir.to_path_buf(), source };
     fs::DirBuilder::new().recursive(true).mode(0o700).create(dir).map_err(io)?;
     let owner = fs::metadata(dir).map_err(io)?.uid();
@@ -244,6 +225,26 @@ mod tests {
         for name in ["", "../x", "a/b", "Upper", "with space", &"x".repeat(25)] {
             assert!(matches!(Cell::new(name), Err(CellError::Name(_))), "{name}");
         }
+    }
+
+    #[test]
+    fn the_longest_cell_has_room_for_every_channel() {
+        use crate::channel::ChannelError;
+        use crate::ports::{ControllerPorts, LearnerPorts};
+        let dir = format!("/tmp/sk{}", "x".repeat(MAX_DIR_LEN - 8 - 24));
+        let cell = Cell::in_dir(Path::new(&dir), &"y".repeat(24)).unwrap();
+        assert_eq!(cell.dir.as_os_str().len(), MAX_DIR_LEN);
+        let lock = cell.lock(Role::Controller).unwrap();
+        // Sockets are named by random numbers of up to 31 digits.
+        for _ in 0..20 {
+            let controller = ControllerPorts::create(&cell).unwrap();
+            let soon = std::time::Duration::from_secs(5);
+            let learner: Result<_, ChannelError> = LearnerPorts::open(&cell, soon, &|| false);
+            drop((learner.unwrap(), controller));
+        }
+        drop(lock);
+        assert_eq!(cell.traces(), Vec::<PathBuf>::new());
+        fs::remove_dir(&dir).unwrap();
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! The doors of a cell: service names, quality of service, and how a door is opened.
 //!
-//! The controller creates every service; learner and tool open them and retry. The facts behind
+//! The controller creates every service, in a new generation of the cell; learner and tool join the
+//! newest complete one and retry. The facts behind
 //! the choices: a policy must not live on a blackboard (a killed writer blocks the key for ever);
 //! the default back-pressure blocks a publisher on a dead receiver, so every publisher discards.
 
@@ -8,13 +9,15 @@ use iceoryx2::active_request::ActiveRequest;
 use iceoryx2::port::{publisher::Publisher, subscriber::Subscriber};
 use iceoryx2::prelude::*;
 use iceoryx2::sample_mut::SampleMut;
+use iceoryx2::service::attribute::{AttributeKey, AttributeValue};
 use iceoryx2::service::port_factory::{event, publish_subscribe, request_response};
 use thiserror::Error;
 
 use crate::SCHEMA;
-use crate::cell::Cell;
+use crate::cell::{Cell, CellError};
 use crate::command::{Command, Reply};
 use crate::episode::{EpisodeHeader, TickRecord};
+use crate::generation::Generation;
 
 /// Loans cross threads (exchange → rt → exchange), hence the thread-safe variant.
 pub type Ipc = ipc_threadsafe::Service;
@@ -38,6 +41,8 @@ pub const EPISODE_LOANS: usize = 2;
 /// Why a channel is not available.
 #[derive(Debug, Error)]
 pub enum ChannelError {
+    #[error(transparent)]
+    Cell(#[from] CellError),
     #[error(
         "cannot join the cell '{cell}': {reason}; check that its runtime directory is yours and that /dev/shm has space"
     )]
@@ -59,7 +64,7 @@ pub(crate) fn failed<E: core::fmt::Debug>(
     move |error| ChannelError::Service { service, action, reason: format!("{error:?}") }
 }
 
-/// Create (and join what exists), or only join.
+/// Create, in a generation that is new, or join.
 #[derive(Clone, Copy, PartialEq)]
 pub(crate) enum Door {
     Create,
@@ -73,27 +78,60 @@ pub(crate) struct Qos {
     subscribers: usize,
 }
 
-pub(crate) fn node(cell: &Cell) -> Result<Node<Ipc>, ChannelError> {
-    set_log_level(LogLevel::Error);
-    NodeBuilder::new()
-        .config(&cell.ipc_config())
-        // Signals belong to the process, not to its transport.
-        .signal_handling_mode(SignalHandlingMode::Disabled)
-        .create::<Ipc>()
-        .map_err(|e| ChannelError::Node { cell: cell.name().into(), reason: format!("{e:?}") })
+/// This process in one generation of a cell.
+pub(crate) struct Member {
+    // Dropped first: it lives in the folder that the other one holds.
+    pub node: Node<Ipc>,
+    pub generation: Generation,
+}
+
+impl Member {
+    /// Of a new generation, to be published when its services are there.
+    pub fn first(cell: &Cell) -> Result<Member, ChannelError> {
+        Member::of(cell, Generation::create(cell)?)
+    }
+
+    /// Of the current one; `None` when there is none.
+    pub fn join(cell: &Cell) -> Result<Option<Member>, ChannelError> {
+        Generation::current(cell).map(|generation| Member::of(cell, generation)).transpose()
+    }
+
+    fn of(cell: &Cell, generation: Generation) -> Result<Member, ChannelError> {
+        set_log_level(LogLevel::Error);
+        let node = NodeBuilder::new()
+            .config(&generation.ipc_config())
+            // Signals belong to the process, not to its transport.
+            .signal_handling_mode(SignalHandlingMode::Disabled)
+            .create::<Ipc>()
+            .map_err(|e| ChannelError::Node {
+                cell: cell.name().into(),
+                reason: format!("{e:?}"),
+            })?;
+        Ok(Member { node, generation })
+    }
 }
 
 fn service_name(name: &'static str) -> Result<ServiceName, ChannelError> {
     name.try_into().map_err(failed(name, "naming"))
 }
 
-fn schema(service: &'static str) -> Result<AttributeVerifier, ChannelError> {
-    let key = "schema".try_into().map_err(failed(service, "naming an attribute"))?;
-    let value = format!("{SCHEMA:016x}")
-        .as_str()
-        .try_into()
-        .map_err(failed(service, "naming an attribute"))?;
+/// Whoever creates a service writes the schema of its build into it.
+fn written_schema(service: &'static str) -> Result<AttributeSpecifier, ChannelError> {
+    let (key, value) = schema(service)?;
+    AttributeSpecifier::new().define(&key, &value).map_err(failed(service, "defining a schema"))
+}
+
+/// Whoever joins it must be of the same.
+fn required_schema(service: &'static str) -> Result<AttributeVerifier, ChannelError> {
+    let (key, value) = schema(service)?;
     AttributeVerifier::new().require(&key, &value).map_err(failed(service, "requiring a schema"))
+}
+
+fn schema(service: &'static str) -> Result<(AttributeKey, AttributeValue), ChannelError> {
+    let action = "naming an attribute";
+    let key = "schema".try_into().map_err(failed(service, action))?;
+    let value = format!("{SCHEMA:016x}").as_str().try_into().map_err(failed(service, action))?;
+    Ok((key, value))
 }
 
 pub(crate) type PubSub<T, H = ()> = publish_subscribe::PortFactory<Ipc, T, H>;
@@ -115,10 +153,10 @@ pub(crate) fn latest<T: core::fmt::Debug + ZeroCopySend>(
         .max_subscribers(qos.subscribers);
     match door {
         Door::Create => builder
-            .open_or_create_with_attributes(&schema(name)?)
+            .create_with_attributes(&written_schema(name)?)
             .map_err(failed(name, "creating the service")),
         Door::Open => builder
-            .open_with_attributes(&schema(name)?)
+            .open_with_attributes(&required_schema(name)?)
             .map_err(failed(name, "opening the service")),
     }
 }
@@ -139,10 +177,10 @@ pub(crate) fn episodes(
         .max_subscribers(2);
     match door {
         Door::Create => builder
-            .open_or_create_with_attributes(&schema(EPISODE)?)
+            .create_with_attributes(&written_schema(EPISODE)?)
             .map_err(failed(EPISODE, "creating the service")),
         Door::Open => builder
-            .open_with_attributes(&schema(EPISODE)?)
+            .open_with_attributes(&required_schema(EPISODE)?)
             .map_err(failed(EPISODE, "opening the service")),
     }
 }
@@ -153,7 +191,7 @@ pub(crate) fn episode_events(
 ) -> Result<event::PortFactory<Ipc>, ChannelError> {
     let builder = node.service_builder(&service_name(EPISODE)?).event();
     match door {
-        Door::Create => builder.open_or_create().map_err(failed(EPISODE, "creating the event")),
+        Door::Create => builder.create().map_err(failed(EPISODE, "creating the event")),
         Door::Open => builder.open().map_err(failed(EPISODE, "opening the event")),
     }
 }
@@ -168,10 +206,10 @@ pub(crate) fn commands(node: &Node<Ipc>, door: Door) -> Result<Commands, Channel
         .max_clients(8);
     match door {
         Door::Create => builder
-            .open_or_create_with_attributes(&schema(COMMAND)?)
+            .create_with_attributes(&written_schema(COMMAND)?)
             .map_err(failed(COMMAND, "creating the service")),
         Door::Open => builder
-            .open_with_attributes(&schema(COMMAND)?)
+            .open_with_attributes(&required_schema(COMMAND)?)
             .map_err(failed(COMMAND, "opening the service")),
     }
 }

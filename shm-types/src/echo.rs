@@ -3,7 +3,6 @@
 //! No part of the contract: no service of a working cell is touched. Messages are copied in and
 //! copied out, as with any other transport, so that like is compared with like.
 
-use std::sync::Arc;
 use std::time::Duration;
 
 use iceoryx2::port::{
@@ -12,7 +11,7 @@ use iceoryx2::port::{
 use iceoryx2::prelude::*;
 
 use crate::cell::Cell;
-use crate::channel::{ChannelError, Ipc, PubSub, failed, node};
+use crate::channel::{ChannelError, Ipc, Member, PubSub, failed};
 
 /// There and back.
 const NAMES: [&str; 2] = ["skillet/echo-there", "skillet/echo-back"];
@@ -26,50 +25,54 @@ pub struct EchoPorts {
     /// Service of `sender`, and of `receiver`.
     names: [&'static str; 2],
     // Last, so that it is dropped after the ports: it owns their liveness.
-    _node: Arc<Node<Ipc>>,
+    member: Member,
 }
 
 impl EchoPorts {
     /// Call with a lock of the cell held. No message is longer than `max_len` bytes.
     pub fn create(cell: &Cell, max_len: usize) -> Result<EchoPorts, ChannelError> {
-        EchoPorts::join(cell, NAMES, max_len)
+        let ports = EchoPorts::join(Member::first(cell)?, NAMES, max_len)?;
+        ports.member.generation.publish()?;
+        Ok(ports)
     }
 
     /// The other end, in another process.
     pub fn open(cell: &Cell, max_len: usize) -> Result<EchoPorts, ChannelError> {
         let [there, back] = NAMES;
-        EchoPorts::join(cell, [back, there], max_len)
+        let absent = || ChannelError::NoController { cell: cell.name().into(), seconds: 0.0 };
+        let member = Member::join(cell)?.ok_or_else(absent)?;
+        EchoPorts::join(member, [back, there], max_len)
     }
 
     fn join(
-        cell: &Cell,
+        member: Member,
         names: [&'static str; 2],
         max_len: usize,
     ) -> Result<EchoPorts, ChannelError> {
-        let node = Arc::new(node(cell)?);
+        let node = &member.node;
         let [out, incoming] = names;
         Ok(EchoPorts {
-            sender: service(&node, out)?
+            sender: service(node, out)?
                 .publisher_builder()
                 .initial_max_slice_len(max_len)
                 .backpressure_strategy(BackpressureStrategy::DiscardData)
                 .create()
                 .map_err(failed(out, "creating the publisher"))?,
-            sent: events(&node, out)?
+            sent: events(node, out)?
                 .notifier_builder()
                 .create()
                 .map_err(failed(out, "creating the notifier"))?,
             // Before the subscriber: whoever is seen to receive can also be woken.
-            arrived: events(&node, incoming)?
+            arrived: events(node, incoming)?
                 .listener_builder()
                 .create()
                 .map_err(failed(incoming, "creating the listener"))?,
-            receiver: service(&node, incoming)?
+            receiver: service(node, incoming)?
                 .subscriber_builder()
                 .create()
                 .map_err(failed(incoming, "creating the subscriber"))?,
             names,
-            _node: node,
+            member,
         })
     }
 

@@ -13,6 +13,7 @@ pub mod channel;
 pub mod command;
 pub mod echo;
 pub mod episode;
+mod generation;
 pub mod policy;
 pub mod policy_json;
 pub mod ports;

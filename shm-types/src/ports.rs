@@ -15,6 +15,7 @@ use crate::cell::Cell;
 use crate::channel::*;
 use crate::command::{COMMAND_STATUS, Command, Reply, Status};
 use crate::episode::{Ack, EpisodeHeader, MAX_RECORDS, TickRecord};
+use crate::generation::sweep;
 use crate::policy::PolicyMsg;
 use crate::telemetry::{Heartbeat, Telemetry};
 
@@ -34,16 +35,23 @@ pub struct ControllerPorts {
     pub commands: Server<Ipc, Command, (), Reply, ()>,
     pub beat: Publisher<Ipc, Heartbeat, ()>,
     pub learner_beat: Subscriber<Ipc, Heartbeat, ()>,
+    cell: Cell,
     // Last, so that it is dropped after the ports: it owns their liveness.
-    node: Node<Ipc>,
+    member: Member,
 }
 
 impl ControllerPorts {
     /// Creates every service of the cell. Call with the cell's controller lock held.
     pub fn create(cell: &Cell) -> Result<ControllerPorts, ChannelError> {
-        let node = node(cell)?;
-        let door = Door::Create;
-        let episodes = episodes(&node, door)?
+        let member = Member::first(cell)?;
+        let ports = ControllerPorts::create_in(member, cell)?;
+        ports.member.generation.publish()?;
+        Ok(ports)
+    }
+
+    fn create_in(member: Member, cell: &Cell) -> Result<ControllerPorts, ChannelError> {
+        let (node, door) = (&member.node, Door::Create);
+        let episodes = episodes(node, door)?
             .publisher_builder()
             .initial_max_slice_len(MAX_RECORDS)
             .max_loaned_samples(EPISODE_LOANS)
@@ -53,22 +61,22 @@ impl ControllerPorts {
             .create()
             .map_err(failed(EPISODE, "creating the publisher"))?;
         Ok(ControllerPorts {
-            policies: subscriber(&latest(&node, POLICY, &POLICY_QOS, door)?, POLICY)?,
+            policies: subscriber(&latest(node, POLICY, &POLICY_QOS, door)?, POLICY)?,
             episodes,
-            episode_sent: episode_events(&node, door)?
+            episode_sent: episode_events(node, door)?
                 .notifier_builder()
                 .create()
                 .map_err(failed(EPISODE, "creating the notifier"))?,
-            acks: subscriber(&latest(&node, ACK, &ACK_QOS, door)?, ACK)?,
-            telemetry: publisher(&latest(&node, TELEMETRY, &TELEMETRY_QOS, door)?, TELEMETRY)?,
-            beat: publisher(&latest(&node, CONTROLLER_BEAT, &BEAT_QOS, door)?, CONTROLLER_BEAT)?,
-            learner_beat: subscriber(&latest(&node, LEARNER_BEAT, &BEAT_QOS, door)?, LEARNER_BEAT)?,
-            // Last: whoever finds the command service finds all the others.
-            commands: commands(&node, door)?
+            acks: subscriber(&latest(node, ACK, &ACK_QOS, door)?, ACK)?,
+            telemetry: publisher(&latest(node, TELEMETRY, &TELEMETRY_QOS, door)?, TELEMETRY)?,
+            beat: publisher(&latest(node, CONTROLLER_BEAT, &BEAT_QOS, door)?, CONTROLLER_BEAT)?,
+            learner_beat: subscriber(&latest(node, LEARNER_BEAT, &BEAT_QOS, door)?, LEARNER_BEAT)?,
+            commands: commands(node, door)?
                 .server_builder()
                 .create()
                 .map_err(failed(COMMAND, "creating the server"))?,
-            node,
+            cell: cell.clone(),
+            member,
         })
     }
 
@@ -81,9 +89,10 @@ impl ControllerPorts {
         Ok(loan.write_from_fn(|_| TickRecord::ZERO))
     }
 
-    /// Frees what dead processes held; also connects ports to newcomers.
+    /// Frees what dead processes held, and what they left; also connects ports to newcomers.
     pub fn clean_up(&self) {
-        let _ = self.node.try_cleanup_dead_nodes();
+        let _ = self.member.node.try_cleanup_dead_nodes();
+        sweep(&self.cell);
         // A late subscriber gets the newest heartbeat only when its publisher acts.
         let _ = self.beat.update_connections();
     }
@@ -97,7 +106,8 @@ pub struct LearnerPorts {
     pub acks: Publisher<Ipc, Ack, ()>,
     pub beat: Publisher<Ipc, Heartbeat, ()>,
     pub controller_beat: Subscriber<Ipc, Heartbeat, ()>,
-    node: Arc<Node<Ipc>>,
+    cell: Cell,
+    member: Arc<Member>,
 }
 
 impl LearnerPorts {
@@ -107,37 +117,51 @@ impl LearnerPorts {
         timeout: Duration,
         stop: &dyn Fn() -> bool,
     ) -> Result<LearnerPorts, ChannelError> {
-        let node = Arc::new(node(cell)?);
-        with_retry(cell, timeout, stop, || LearnerPorts::try_open(node.clone()))
+        with_retry(cell, timeout, stop, |member| LearnerPorts::try_open(cell, member))
     }
 
-    fn try_open(node: Arc<Node<Ipc>>) -> Result<LearnerPorts, ChannelError> {
-        let door = Door::Open;
-        // First: the controller creates it last, so with it all the others are there.
-        commands(&node, door)?;
+    fn try_open(cell: &Cell, member: &Arc<Member>) -> Result<LearnerPorts, ChannelError> {
+        let (node, door) = (&member.node, Door::Open);
         Ok(LearnerPorts {
-            policies: publisher(&latest(&node, POLICY, &POLICY_QOS, door)?, POLICY)?,
-            episodes: episodes(&node, door)?
+            policies: publisher(&latest(node, POLICY, &POLICY_QOS, door)?, POLICY)?,
+            episodes: episodes(node, door)?
                 .subscriber_builder()
                 .create()
                 .map_err(failed(EPISODE, "creating the subscriber"))?,
-            episode_sent: episode_events(&node, door)?
+            episode_sent: episode_events(node, door)?
                 .listener_builder()
                 .create()
                 .map_err(failed(EPISODE, "creating the listener"))?,
-            acks: publisher(&latest(&node, ACK, &ACK_QOS, door)?, ACK)?,
-            beat: publisher(&latest(&node, LEARNER_BEAT, &BEAT_QOS, door)?, LEARNER_BEAT)?,
+            acks: publisher(&latest(node, ACK, &ACK_QOS, door)?, ACK)?,
+            beat: publisher(&latest(node, LEARNER_BEAT, &BEAT_QOS, door)?, LEARNER_BEAT)?,
             controller_beat: subscriber(
-                &latest(&node, CONTROLLER_BEAT, &BEAT_QOS, door)?,
+                &latest(node, CONTROLLER_BEAT, &BEAT_QOS, door)?,
                 CONTROLLER_BEAT,
             )?,
-            node,
+            cell: cell.clone(),
+            member: member.clone(),
         })
     }
 
-    /// Frees what a dead controller held, and hands the newest policy to a restarted one.
+    /// Moves over to the services of a controller that has started since; true when it has. Nothing
+    /// that was sent to the old ones has arrived.
+    pub fn follow(&mut self) -> Result<bool, ChannelError> {
+        if self.member.generation.is_current() {
+            return Ok(false);
+        }
+        match LearnerPorts::open(&self.cell, Duration::ZERO, &|| false) {
+            Ok(ports) => {
+                *self = ports;
+                Ok(true)
+            }
+            Err(ChannelError::NoController { .. }) => Ok(false),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Frees what dead processes held.
     pub fn clean_up(&self) {
-        let _ = self.node.try_cleanup_dead_nodes();
+        let _ = self.member.node.try_cleanup_dead_nodes();
         let _ = self.policies.update_connections();
         let _ = self.acks.update_connections();
     }
@@ -146,23 +170,22 @@ impl LearnerPorts {
 /// The tool's end.
 pub struct ToolPorts {
     pub commands: Client<Ipc, Command, (), Reply, ()>,
-    _node: Arc<Node<Ipc>>,
+    _member: Arc<Member>,
 }
 
 impl ToolPorts {
     pub fn open(cell: &Cell, timeout: Duration) -> Result<ToolPorts, ChannelError> {
-        let node = Arc::new(node(cell)?);
-        with_retry(cell, timeout, &|| false, || ToolPorts::try_open(node.clone()))
+        with_retry(cell, timeout, &|| false, ToolPorts::try_open)
     }
 
-    fn try_open(node: Arc<Node<Ipc>>) -> Result<ToolPorts, ChannelError> {
+    fn try_open(member: &Arc<Member>) -> Result<ToolPorts, ChannelError> {
         Ok(ToolPorts {
-            commands: commands(&node, Door::Open)?
+            commands: commands(&member.node, Door::Open)?
                 .client_builder()
                 .backpressure_strategy(BackpressureStrategy::DiscardData)
                 .create()
                 .map_err(failed(COMMAND, "creating the client"))?,
-            _node: node,
+            _member: member.clone(),
         })
     }
 
@@ -206,37 +229,46 @@ impl ToolPorts {
 /// An observer's end: it looks, and nobody notices.
 pub struct ObserverPorts {
     pub telemetry: Subscriber<Ipc, Telemetry, ()>,
-    _node: Arc<Node<Ipc>>,
+    member: Arc<Member>,
 }
 
 impl ObserverPorts {
     pub fn open(cell: &Cell, timeout: Duration) -> Result<ObserverPorts, ChannelError> {
-        let node = Arc::new(node(cell)?);
-        with_retry(cell, timeout, &|| false, || {
-            let service = latest(&node, TELEMETRY, &TELEMETRY_QOS, Door::Open)?;
+        with_retry(cell, timeout, &|| false, |member| {
+            let service = latest(&member.node, TELEMETRY, &TELEMETRY_QOS, Door::Open)?;
             let telemetry = subscriber(&service, TELEMETRY)?;
-            Ok(ObserverPorts { telemetry, _node: node.clone() })
+            Ok(ObserverPorts { telemetry, member: member.clone() })
         })
+    }
+
+    /// The controller that it listens to has not been followed by another one.
+    pub fn is_current(&self) -> bool {
+        self.member.generation.is_current()
     }
 }
 
-/// Repeats `open` while services are absent, coming up or going down, up to `timeout`.
+/// Repeats `open` in the current generation while services are absent, coming up or going down, up
+/// to `timeout`.
 fn with_retry<T>(
     cell: &Cell,
     timeout: Duration,
     stop: &dyn Fn() -> bool,
-    open: impl Fn() -> Result<T, ChannelError>,
+    open: impl Fn(&Arc<Member>) -> Result<T, ChannelError>,
 ) -> Result<T, ChannelError> {
     let start = Instant::now();
+    let mut joined: Option<Arc<Member>> = None;
     loop {
-        match open() {
-            Ok(ports) => return Ok(ports),
-            Err(error) if !is_transient(&error) => return Err(error),
-            Err(_) if stop() || start.elapsed() >= timeout => {
+        if joined.as_ref().is_none_or(|member| !member.generation.is_current()) {
+            joined = Member::join(cell)?.map(Arc::new);
+        }
+        match joined.as_ref().map(&open) {
+            Some(Ok(ports)) => return Ok(ports),
+            Some(Err(error)) if !is_transient(&error) => return Err(error),
+            _ if stop() || start.elapsed() >= timeout => {
                 let seconds = start.elapsed().as_secs_f64();
                 return Err(ChannelError::NoController { cell: cell.name().into(), seconds });
             }
-            Err(_) => std::thread::sleep(Duration::from_millis(5)),
+            _ => std::thread::sleep(Duration::from_millis(5)),
         }
     }
 }

@@ -69,21 +69,20 @@ fn policy_goes_out_and_its_episode_comes_back_in_place() {
     cell.remove_if_idle();
 }
 
+/// The old controller's services may be of any state: the learner moves over to the new one's.
 #[test]
-fn late_controller_gets_the_newest_policy() {
+fn a_learner_follows_to_the_services_of_a_new_controller() {
     let cell = cell("late");
     let lock = cell.lock(Role::Controller).unwrap();
     let first = ControllerPorts::create(&cell).unwrap();
-    let learner = LearnerPorts::open(&cell, SOON, &|| false).unwrap();
-    for rollout in [1, 2] {
-        learner.policies.send_copy(PolicyMsg { rollout, ..PolicyMsg::EMPTY }).unwrap();
-    }
+    let mut learner = LearnerPorts::open(&cell, SOON, &|| false).unwrap();
+    assert!(!learner.follow().unwrap(), "nobody has come");
     drop(first);
+    assert!(!learner.follow().unwrap(), "it has gone, and nobody has come");
     let second = ControllerPorts::create(&cell).unwrap();
-    let policy = eventually("policy", || {
-        learner.clean_up();
-        second.policies.receive().unwrap()
-    });
+    assert!(learner.follow().unwrap());
+    learner.policies.send_copy(PolicyMsg { rollout: 2, ..PolicyMsg::EMPTY }).unwrap();
+    let policy = eventually("policy", || second.policies.receive().unwrap());
     assert_eq!(policy.rollout, 2);
     drop((policy, second, learner, lock));
     cell.remove_if_idle();

@@ -4,13 +4,13 @@
 //! [`page`] draws them. Whatever is compared is measured in turn, round after round, so that drift
 //! of a busy host hits all of it alike.
 
-mod arm;
+pub mod arm;
 mod figure;
 pub mod latency;
 pub mod output;
 mod page;
 mod row;
-mod service;
+pub mod service;
 pub mod sim;
 pub mod swap;
 pub mod tick;

@@ -6,6 +6,7 @@ use std::process::Stdio;
 use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
+use rt_controller::rt::now_ns;
 use shm_types::cell::{Cell, runtime_dir};
 use shm_types::command::{
     AT_NOW, COMMAND_ACTIVATE, COMMAND_IMPORT, COMMAND_PIN, Command, Reply, Status,
@@ -84,7 +85,7 @@ impl BenchCell {
 
     /// Starts a controller and waits until it answers.
     pub fn controller(&self, pace: &str) -> Result<Service> {
-        let mut controller = self.start("controller", &["--pace", pace])?;
+        let mut controller = self.start("controller", &["--private", "--pace", pace])?;
         for _ in 0..100 {
             let answers = ToolPorts::open(&self.cell, Duration::from_millis(100))
                 .is_ok_and(|tool| tool.status(SOON).is_some());
@@ -137,7 +138,7 @@ pub struct Commander {
 
 impl Commander {
     pub fn open(cell: &Cell) -> Result<Commander> {
-        Ok(Commander { tool: ToolPorts::open(cell, SOON)?, next_id: 1 })
+        Ok(Commander { tool: ToolPorts::open(cell, SOON)?, next_id: now_ns() })
     }
 
     pub fn ask(&mut self, command: Command) -> Result<Reply> {
@@ -158,14 +159,19 @@ impl Commander {
         }
     }
 
-    /// Imports two very different policies and serves the first; returns them.
-    pub fn two_policies(&mut self) -> Result<[Target; 2]> {
+    /// Imports two very different policies.
+    pub fn import_two(&mut self) -> Result<[Target; 2]> {
         let policies = [message(8, 4, 0.02), message(4, 3, -0.04)];
         let mut import = |policy| -> Result<Target> {
             let reply = self.expect(Command { policy, ..Command::new(COMMAND_IMPORT, 0) })?;
             Ok(Target { id: reply.policy.policy_id, digest: policy.digest })
         };
-        let targets = [import(policies[0])?, import(policies[1])?];
+        Ok([import(policies[0])?, import(policies[1])?])
+    }
+
+    /// Serves the first of them; returns both.
+    pub fn two_policies(&mut self) -> Result<[Target; 2]> {
+        let targets = self.import_two()?;
         self.expect(targets[0].activate())?;
         self.expect(Command::new(COMMAND_PIN, 0))?;
         Ok(targets)

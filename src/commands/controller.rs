@@ -27,7 +27,7 @@ pub fn run(args: &ControllerArgs) -> Result<Verdict> {
     let cell = Cell::new(args.cell.as_deref().unwrap_or(&config.cell.name))?;
 
     // The cell of a single `learn` is gone with it.
-    let state = args.child.is_none().then(|| state_dir(&config, &cell));
+    let state = (!args.private).then(|| state_dir(&config, &cell));
     let state = state.as_deref();
     let summary = match config.task.name.as_str() {
         "landscape" => rt_controller::run_action(&cell, &Landscape, state, &stop)?,

@@ -124,7 +124,7 @@ fn run_services(
     let pace = OsStr::new(args.pace.name());
     let controller_args = [
         &[OsStr::new("controller"), OsStr::new("--config"), config_path.as_os_str()][..],
-        &[OsStr::new("--pace"), pace],
+        &[OsStr::new("--private"), OsStr::new("--pace"), pace],
         &common,
     ]
     .concat();

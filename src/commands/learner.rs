@@ -55,16 +55,18 @@ pub fn run(args: &LearnerArgs) -> Result<Verdict> {
                 return Ok(Verdict::Negative);
             }
             Err(error @ ChannelError::NoController { .. }) => {
+                tell_manager("waiting for a controller");
                 tracing::warn!("{error}; waiting");
                 let _ = sd_notify::notify(false, &[NotifyState::Watchdog]);
             }
             Err(error) => return Err(error.into()),
         }
     };
+    tell_manager("learning");
     tracing::info!(cell = cell.name(), session = %folder.dir().display(), "learner ready");
     let mut line = TrialLine::so_far(&learner.summary());
     let mut on_event = |event| report(&event, &mut line, args.json);
-    let end = session::run(&ports, &mut learner, &stop, &mut on_event)?;
+    let end = session::run(ports, &mut learner, &stop, &mut on_event)?;
     let _ = sd_notify::notify(false, &[NotifyState::Stopping]);
     let modes = learner.modes()?;
     let answer = choose(modes.iter().map(|(report, _)| report), config.learner.prefer);
@@ -109,11 +111,21 @@ fn report(event: &Event, line: &mut TrialLine, json: bool) {
             }
         }
         Event::ControllerSilent(age) => {
+            tell_manager("waiting for the controller");
             tracing::warn!("controller silent for {:.1} s; waiting for it", age.as_secs_f64());
         }
-        Event::ControllerBack => tracing::info!("controller is back"),
-        Event::Pinned(true) => tracing::warn!("the controller serves a pinned policy; waiting"),
-        Event::Pinned(false) => tracing::info!("the controller takes proposals again"),
+        Event::ControllerBack => {
+            tell_manager("learning");
+            tracing::info!("controller is back");
+        }
+        Event::Pinned(true) => {
+            tell_manager("waiting: the controller serves a pinned policy");
+            tracing::warn!("the controller serves a pinned policy; waiting");
+        }
+        Event::Pinned(false) => {
+            tell_manager("learning");
+            tracing::info!("the controller takes proposals again");
+        }
         Event::SetAside { rollout, reason } => {
             tracing::warn!("rollout {rollout} set aside, not learnt: {reason}");
         }
@@ -121,4 +133,9 @@ fn report(event: &Event, line: &mut TrialLine, json: bool) {
             tracing::warn!("rollout {rollout} asked for again: {reason}");
         }
     }
+}
+
+/// What `systemctl status` shows; a manager that is not there misses nothing.
+fn tell_manager(what: &str) {
+    let _ = sd_notify::notify(false, &[NotifyState::Status(what)]);
 }

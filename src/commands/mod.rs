@@ -10,5 +10,6 @@ pub mod live;
 pub mod modes;
 pub mod policy;
 pub mod report;
+pub mod soak;
 pub mod status;
 pub mod study;

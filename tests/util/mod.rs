@@ -184,16 +184,8 @@ pub fn is_alive(pid: u32) -> bool {
     std::fs::read(format!("/proc/{pid}/cmdline")).is_ok_and(|line| !line.is_empty())
 }
 
-/// Everything of a trial that must not depend on pace, interruption or time of day, as bits:
-/// rollout, flags, records, reward, outcome, θ.
 pub fn bits(trials: &[TrialRecord]) -> Vec<Vec<u64>> {
-    let key = |trial: &TrialRecord| {
-        let outcome = trial.outcome.fields().map(|(_, x)| x);
-        let numbers = [trial.reward].into_iter().chain(outcome).chain(trial.theta.iter().copied());
-        let counts = [trial.rollout, trial.outcome.flags, trial.n_records];
-        counts.into_iter().chain(numbers.map(f64::to_bits)).collect()
-    };
-    trials.iter().map(key).collect()
+    trials.iter().map(TrialRecord::bits).collect()
 }
 
 pub fn text(path: &Path) -> String {

@@ -52,6 +52,15 @@ impl TrialRecord {
         self.outcome.has(OUTCOME_SUCCESS)
     }
 
+    /// Everything that must not depend on pace, interruption or time of day, as bits: rollout, flags,
+    /// records, reward, outcome, θ.
+    pub fn bits(&self) -> Vec<u64> {
+        let outcome = self.outcome.fields().map(|(_, x)| x);
+        let numbers = [self.reward].into_iter().chain(outcome).chain(self.theta.iter().copied());
+        let counts = [self.rollout, self.outcome.flags, self.n_records];
+        counts.into_iter().chain(numbers.map(f64::to_bits)).collect()
+    }
+
     pub fn trial(&self) -> Trial {
         let (rollout, theta, reward) = (self.rollout, self.theta.clone(), self.reward);
         Trial { rollout, theta, reward, success: self.success() }

@@ -1,0 +1,203 @@
+//! Generations of a cell: every controller makes its services anew, and nobody joins half-made ones.
+//!
+//! A process killed while it creates an iceoryx2 service leaves that service unusable for good. So a
+//! controller never meets what an earlier one left: it creates everything in a folder of its own, and
+//! only then names it as the current one. Whoever uses a generation holds a shared lock on its folder,
+//! which the kernel frees when the process ends, however it ends; what nobody holds is swept.
+//!
+//! ```text
+//! <cell>/current                     number of the newest complete generation
+//! <cell>/g<n>                        root of its iceoryx2 services, locked by all who use them
+//! /dev/shm/sk<place>g<n>_*           its shared memory
+//! ```
+
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+
+use iceoryx2::prelude::{Config, FileName, Path as IpcPath, SemanticString};
+use rustix::fs::{FlockOperation, flock};
+
+use crate::cell::{Cell, CellError, create_own_dir};
+
+/// Where iceoryx2 keeps shared-memory files on Linux.
+const SHM_DIR: &str = "/dev/shm";
+const CURRENT: &str = "current";
+/// Numbers start again after this one: they are part of socket paths, which must stay short.
+const LAST: u16 = 9999;
+
+/// A generation in use by this process.
+#[derive(Debug)]
+pub(crate) struct Generation {
+    number: u16,
+    root: PathBuf,
+    shm_prefix: String,
+    current: PathBuf,
+    _in_use: File,
+}
+
+impl Generation {
+    /// A new one, known to nobody yet. Call with the cell's controller lock held.
+    pub fn create(cell: &Cell) -> Result<Generation, CellError> {
+        create_own_dir(cell.dir())?;
+        sweep(cell);
+        let taken = numbers(cell.dir());
+        let last = read_current(cell.dir()).unwrap_or(0);
+        let next = (last..LAST).chain(0..last).map(|n| n + 1).find(|n| !taken.contains(n));
+        let number = next.unwrap_or(LAST);
+        create_own_dir(&root(cell.dir(), number))?;
+        let generation = Generation::enter(cell, number);
+        generation.map_err(|source| CellError::Io { path: root(cell.dir(), number), source })
+    }
+
+    /// Names it as the current one: from now on others join it.
+    pub fn publish(&self) -> Result<(), CellError> {
+        let draft = self.current.with_extension("new");
+        fs::write(&draft, self.number.to_string())
+            .and_then(|()| fs::rename(&draft, &self.current))
+            .map_err(|source| CellError::Io { path: self.current.clone(), source })
+    }
+
+    /// The newest complete one, if there is any.
+    pub fn current(cell: &Cell) -> Option<Generation> {
+        let number = read_current(cell.dir())?;
+        let generation = Generation::enter(cell, number).ok()?;
+        // It may have been swept, or followed by another, before its lock was held.
+        (generation.root.is_dir() && generation.is_current()).then_some(generation)
+    }
+
+    /// No newer one has been published.
+    pub fn is_current(&self) -> bool {
+        self.current.parent().and_then(read_current) == Some(self.number)
+    }
+
+    /// iceoryx2 configuration under which only this user, this cell and this generation meet.
+    pub fn ipc_config(&self) -> Config {
+        let mut config = Config::default();
+        let prefix = FileName::new(self.shm_prefix.as_bytes());
+        let root = IpcPath::new(self.root.as_os_str().as_encoded_bytes());
+        // Both are valid: the cell checked the characters of its name and the length of its path.
+        if let (Ok(prefix), Ok(root)) = (prefix, root) {
+            config.global.prefix = prefix;
+            config.global.set_root_path(&root);
+        }
+        config
+    }
+
+    fn enter(cell: &Cell, number: u16) -> std::io::Result<Generation> {
+        let root = root(cell.dir(), number);
+        let in_use = File::open(&root)?;
+        flock(&in_use, FlockOperation::NonBlockingLockShared)?;
+        let (shm_prefix, current) = (shm_prefix(cell, number), cell.dir().join(CURRENT));
+        Ok(Generation { number, root, shm_prefix, current, _in_use: in_use })
+    }
+}
+
+/// Deletes the shared memory and service files of all generations that nobody uses. Returns how many
+/// stay because somebody does. What cannot be deleted now does no harm, and is tried again.
+pub(crate) fn sweep(cell: &Cell) -> usize {
+    let in_use = |number: &u16| {
+        let Ok(dir) = File::open(root(cell.dir(), *number)) else { return false };
+        if flock(&dir, FlockOperation::NonBlockingLockExclusive).is_err() {
+            return true;
+        }
+        remove_shared_memory(&shm_prefix(cell, *number));
+        let _ = fs::remove_dir_all(root(cell.dir(), *number));
+        false
+    };
+    numbers(cell.dir()).iter().filter(|number| in_use(number)).count()
+}
+
+pub(crate) fn remove_shared_memory(prefix: &str) {
+    for path in shared_memory(prefix) {
+        let _ = fs::remove_file(path);
+    }
+}
+
+/// Files of shared memory whose name begins with `prefix`.
+pub(crate) fn shared_memory(prefix: &str) -> Vec<PathBuf> {
+    let Ok(entries) = fs::read_dir(SHM_DIR) else { return Vec::new() };
+    let ours = |path: &PathBuf| {
+        path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(prefix))
+    };
+    entries.flatten().map(|entry| entry.path()).filter(ours).collect()
+}
+
+fn shm_prefix(cell: &Cell, number: u16) -> String {
+    format!("{}{number}_", cell.shm_prefix())
+}
+
+fn root(cell_dir: &Path, number: u16) -> PathBuf {
+    cell_dir.join(format!("g{number}"))
+}
+
+fn read_current(cell_dir: &Path) -> Option<u16> {
+    fs::read_to_string(cell_dir.join(CURRENT)).ok()?.parse().ok()
+}
+
+/// Generations that have a folder.
+fn numbers(cell_dir: &Path) -> Vec<u16> {
+    let Ok(entries) = fs::read_dir(cell_dir) else { return Vec::new() };
+    let names = entries.flatten().map(|entry| entry.file_name());
+    names.filter_map(|name| name.to_str()?.strip_prefix('g')?.parse().ok()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cell(name: &str) -> Cell {
+        Cell::new(&format!("{name}-{}", std::process::id())).unwrap()
+    }
+
+    #[test]
+    fn only_a_published_generation_is_joined_and_only_an_unused_one_is_swept() {
+        let cell = cell("gen");
+        let first = Generation::create(&cell).unwrap();
+        assert!(Generation::current(&cell).is_none(), "not published yet");
+        first.publish().unwrap();
+        let joined = Generation::current(&cell).unwrap();
+        assert_eq!(joined.number, first.number);
+        drop(first);
+        let second = Generation::create(&cell).unwrap();
+        assert!(joined.is_current() && joined.root.is_dir(), "the second one is not ready");
+        second.publish().unwrap();
+        assert!(!joined.is_current());
+        assert_eq!(sweep(&cell), 2, "both are in use");
+        let old_root = joined.root.clone();
+        drop(joined);
+        assert_eq!(sweep(&cell), 1);
+        assert!(!old_root.exists());
+        drop(second);
+        assert_eq!(sweep(&cell), 0);
+        assert!(Generation::current(&cell).is_none(), "named, but swept");
+        cell.remove_if_idle();
+        assert!(!cell.dir().exists());
+    }
+
+    /// As after a kill between the creation of the folder and its publication.
+    #[test]
+    fn what_was_never_published_goes_with_the_next_start() {
+        let cell = cell("half");
+        let half = Generation::create(&cell).unwrap();
+        let (root, shm) = (half.root.clone(), format!("{SHM_DIR}/{}x.data", half.shm_prefix));
+        fs::write(root.join("half.service"), "").unwrap();
+        fs::write(&shm, "").unwrap();
+        drop(half);
+        let next = Generation::create(&cell).unwrap();
+        assert!(!root.exists() || next.root == root);
+        assert!(!Path::new(&shm).exists() && !next.root.join("half.service").exists());
+        drop(next);
+        cell.remove_if_idle();
+    }
+
+    #[test]
+    fn numbers_begin_again() {
+        let cell = cell("wrap");
+        create_own_dir(cell.dir()).unwrap();
+        fs::write(cell.dir().join(CURRENT), LAST.to_string()).unwrap();
+        let next = Generation::create(&cell).unwrap();
+        assert_eq!(next.number, 1);
+        drop(next);
+        cell.remove_if_idle();
+    }
+}

@@ -1,0 +1,49 @@
+//! Flags of `skillet soak`.
+
+use std::num::NonZero;
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::PaceArg;
+
+#[derive(Args)]
+#[command(after_help = "\
+Examples:
+  skillet soak --minutes 60          two cells learn under kills, swaps and observers
+  skillet soak --kills 200 --json    until each role was killed 200 times
+
+Controllers and learners are killed at random instants, start-up included; each session is compared
+bit for bit with one that nobody disturbed. Exit code 1: something was lost, differs or did not come
+back; the folder with its logs then stays.")]
+pub struct SoakArgs {
+    /// How long
+    #[arg(long, value_name = "MIN", default_value = "2", value_parser = minutes)]
+    pub minutes: f64,
+    /// End earlier, once controller and learner of one cell were both killed so often
+    #[arg(long, value_name = "N")]
+    pub kills: Option<u64>,
+    /// Rollouts of a session; one session follows another
+    #[arg(long, value_name = "N", default_value = "40")]
+    pub rollouts: NonZero<u64>,
+    /// Seed of what happens when
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// What paces the loops
+    #[arg(long, value_enum, default_value_t = PaceArg::Max)]
+    pub pace: PaceArg,
+    /// Folder of sessions and logs, which then stays in any case
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Print one JSON object instead of a table
+    #[arg(long)]
+    pub json: bool,
+}
+
+fn minutes(text: &str) -> Result<f64, String> {
+    let minutes: f64 = text.parse().map_err(|_| "write a number of minutes")?;
+    match (0.01..=1e5).contains(&minutes) {
+        true => Ok(minutes),
+        false => Err("use 0.01 to 100000 minutes".into()),
+    }
+}

@@ -1,0 +1,45 @@
+//! `skillet soak`: a long run under kills, swaps and observers.
+
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use anyhow::{Context, Result};
+
+use crate::Verdict;
+use crate::cli::soak::SoakArgs;
+use crate::output::{print, print_json};
+use crate::setup;
+use crate::soak::{self, Plan};
+
+pub fn run(args: &SoakArgs) -> Result<Verdict> {
+    let stop = setup::stop_flag()?;
+    let scratch = std::env::temp_dir().join(format!("skillet-soak-{}", std::process::id()));
+    let dir = args.out.clone().unwrap_or_else(|| scratch.clone());
+    std::fs::create_dir_all(&dir)
+        .with_context(|| format!("{}: cannot create the folder", dir.display()))?;
+    // Services get its path from another working directory.
+    let dir = std::path::absolute(&dir).context("finding the folder")?;
+    let plan = Plan {
+        time: Duration::from_secs_f64(60.0 * args.minutes),
+        kills: args.kills,
+        rollouts: args.rollouts.get(),
+        seed: args.seed,
+        pace: args.pace,
+        dir: dir.clone(),
+    };
+    let summary = soak::run(&plan, &stop)?;
+    if args.json {
+        print_json(&summary.json())?;
+    } else {
+        print(&summary.text())?;
+    }
+    if !summary.is_good() {
+        eprintln!("sessions and logs are in {}", dir.display());
+        return Ok(Verdict::Negative);
+    }
+    if args.out.is_none() {
+        // What stays behind of a scratch folder harms nobody.
+        let _ = std::fs::remove_dir_all(&scratch);
+    }
+    Ok(if stop.load(Ordering::Relaxed) { Verdict::Negative } else { Verdict::Done })
+}

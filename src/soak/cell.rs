@@ -1,0 +1,104 @@
+//! A private cell with everything its services keep, and references of its sessions.
+
+use std::ffi::OsStr;
+use std::path::PathBuf;
+use std::process::Stdio;
+use std::time::Duration;
+
+use anyhow::{Context, Result, bail};
+use shm_types::cell::Cell;
+
+use super::Plan;
+use super::process::Process;
+use crate::children::Service;
+use crate::config::Config;
+
+/// Sessions with as many seeds are compared with undisturbed ones.
+const N_SEEDS: u64 = 4;
+
+pub struct SoakCell {
+    pub cell: Cell,
+    pub dir: PathBuf,
+    pace: &'static str,
+    parent: String,
+}
+
+impl SoakCell {
+    pub fn create(plan: &Plan, name: &str) -> Result<SoakCell> {
+        let pid = std::process::id();
+        let cell = Cell::new(&format!("soak-{pid}-{name}"))?;
+        let dir = plan.dir.join(name);
+        std::fs::create_dir_all(&dir)
+            .with_context(|| format!("{}: cannot create the folder", dir.display()))?;
+        let soak = SoakCell { cell, dir, pace: plan.pace.name(), parent: pid.to_string() };
+        for seed in 0..N_SEEDS {
+            soak.write_config(seed, plan.rollouts)?;
+        }
+        Ok(soak)
+    }
+
+    /// Everything is on disk, logs are for programs.
+    fn write_config(&self, seed: u64, rollouts: u64) -> Result<()> {
+        let mut config = Config::default();
+        config.cell.state_dir = Some(self.dir.join("state"));
+        config.log.format = "json".into();
+        (config.learner.seed, config.learner.rollouts) = (seed, rollouts);
+        let path = self.config(seed);
+        std::fs::write(&path, config.to_toml()?)
+            .with_context(|| format!("{}: cannot write", path.display()))
+    }
+
+    fn config(&self, seed: u64) -> PathBuf {
+        self.dir.join(format!("seed-{seed}.toml"))
+    }
+
+    /// Folder and seed of a session.
+    pub fn session(&self, number: u64) -> (PathBuf, u64) {
+        (self.dir.join(format!("session-{number}")), number % N_SEEDS)
+    }
+
+    pub fn controller(&self) -> Result<Process> {
+        self.start("controller", 0, &[OsStr::new("--pace"), OsStr::new(self.pace)])
+    }
+
+    pub fn learner(&self, number: u64) -> Result<Process> {
+        let (folder, seed) = self.session(number);
+        self.start("learner", seed, &[OsStr::new("--session"), folder.as_os_str()])
+    }
+
+    fn start(&self, verb: &'static str, seed: u64, more: &[&OsStr]) -> Result<Process> {
+        let config = self.config(seed);
+        let common = [verb, "--child", &self.parent, "--cell", self.cell.name(), "--config"];
+        let common = common.map(OsStr::new);
+        Process::start(verb, &[&common[..], &[config.as_os_str()], more].concat(), &self.dir)
+    }
+
+    /// The session of this seed that nobody disturbs; run when it is first asked for.
+    pub fn reference(&self, seed: u64) -> Result<PathBuf> {
+        let folder = self.dir.join(format!("undisturbed-{seed}"));
+        if !folder.join("report").exists() {
+            let config = self.config(seed);
+            let arguments = ["learn", "pancake", "--json", "--config"].map(OsStr::new);
+            let arguments =
+                [&arguments[..], &[config.as_os_str(), OsStr::new("--out"), folder.as_os_str()]]
+                    .concat();
+            let log = self.dir.join("learn.log");
+            let mut learn = Service::start("learn", &arguments, log, Stdio::null())?;
+            let status = loop {
+                if let Some(status) = learn.exited()? {
+                    break status;
+                }
+                std::thread::sleep(Duration::from_millis(20));
+            };
+            if !status.success() {
+                bail!(learn.obituary(status));
+            }
+        }
+        Ok(folder)
+    }
+
+    /// When all services have ended: what is still there and should not be.
+    pub fn left_over(&self) -> Vec<String> {
+        self.cell.traces().iter().map(|path| path.display().to_string()).collect()
+    }
+}

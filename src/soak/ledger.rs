@@ -1,0 +1,112 @@
+//! Who got which episode: the controllers' logs against the session's store.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use learner::store::{Store, TrialRecord};
+use serde_json::Value;
+
+/// What a controller says when an episode is durable; see `rt-controller/src/spool.rs`.
+const DURABLE: &str = "episode is durable";
+
+/// Episodes of the sessions of one cell.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Ledger {
+    /// Trials stored.
+    pub learnt: u64,
+    /// Rollouts with an episode that a controller made durable.
+    pub produced: u64,
+    /// Durable episodes of a rollout beyond its first one.
+    pub duplicated: u64,
+    /// Durable, but not learnt.
+    pub lost: u64,
+    /// Learnt from another start of the controller than the one that made it durable.
+    pub foreign: u64,
+}
+
+impl Ledger {
+    pub fn add(&mut self, other: &Ledger) {
+        self.learnt += other.learnt;
+        self.produced += other.produced;
+        self.duplicated += other.duplicated;
+        self.lost += other.lost;
+        self.foreign += other.foreign;
+    }
+
+    /// Of the session in `folder`; `log` is that of all the cell's controllers.
+    pub fn of(folder: &Path, log: &Path) -> Result<Ledger> {
+        let store = Store::open(&folder.join("session.db"))?;
+        let durable = durable_episodes(log, store.meta().session_id)?;
+        Ok(Ledger::balance(&durable, &store.trials()?))
+    }
+
+    fn balance(durable: &BTreeMap<u64, Vec<u64>>, trials: &[TrialRecord]) -> Ledger {
+        let learnt: BTreeMap<u64, u64> = trials.iter().map(|t| (t.rollout, t.boot_id)).collect();
+        // A controller that was killed between the disk and its log said nothing.
+        let silent = learnt.keys().filter(|rollout| !durable.contains_key(rollout)).count();
+        let foreign = |(rollout, boots): &(&u64, &Vec<u64>)| {
+            learnt.get(rollout).is_some_and(|boot| !boots.contains(boot))
+        };
+        Ledger {
+            learnt: trials.len() as u64,
+            produced: (durable.len() + silent) as u64,
+            duplicated: durable.values().map(|boots| boots.len() as u64 - 1).sum(),
+            lost: durable.keys().filter(|rollout| !learnt.contains_key(rollout)).count() as u64,
+            foreign: durable.iter().filter(foreign).count() as u64,
+        }
+    }
+}
+
+/// Boot ids by rollout.
+fn durable_episodes(log: &Path, session_id: u64) -> Result<BTreeMap<u64, Vec<u64>>> {
+    let text = std::fs::read_to_string(log).with_context(|| format!("{}", log.display()))?;
+    let mut durable = BTreeMap::<u64, Vec<u64>>::new();
+    for line in text.lines().filter(|line| line.contains(DURABLE)) {
+        // The last line of a controller that was killed may be torn.
+        let Ok(line) = serde_json::from_str::<Value>(line) else { continue };
+        let field = |name: &str| line["fields"][name].as_u64();
+        if let (Some(session), Some(rollout), Some(boot)) =
+            (field("session"), field("rollout"), field("boot_id"))
+            && session == session_id
+        {
+            durable.entry(rollout).or_default().push(boot);
+        }
+    }
+    Ok(durable)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use shm_types::episode::OutcomeMsg;
+
+    fn trial(rollout: u64, boot_id: u64) -> TrialRecord {
+        TrialRecord {
+            rollout,
+            theta: nalgebra::DVector::zeros(1),
+            reward: 0.0,
+            policy_id: rollout,
+            policy_digest: 0,
+            boot_id,
+            applied_tick: 0,
+            fault: 0,
+            n_records: 0,
+            set_aside: false,
+            outcome: OutcomeMsg::ZERO,
+        }
+    }
+
+    #[test]
+    fn the_books_show_what_was_lost_made_twice_or_taken_from_elsewhere() {
+        let trials = [trial(1, 7), trial(2, 7), trial(3, 8)];
+        let durable = |list: &[(u64, &[u64])]| -> BTreeMap<u64, Vec<u64>> {
+            list.iter().map(|(rollout, boots)| (*rollout, boots.to_vec())).collect()
+        };
+        let good = Ledger::balance(&durable(&[(1, &[7]), (2, &[7])]), &trials);
+        assert_eq!((good.learnt, good.produced), (3, 3), "one died before it could say so");
+        assert_eq!((good.lost, good.duplicated, good.foreign), (0, 0, 0));
+        let bad = Ledger::balance(&durable(&[(1, &[7, 8]), (2, &[6]), (4, &[8])]), &trials);
+        assert_eq!((bad.lost, bad.duplicated, bad.foreign), (1, 1, 1));
+    }
+}

@@ -1,0 +1,162 @@
+//! What a soak found.
+
+use std::time::Duration;
+
+use serde_json::json;
+
+use super::chaos::{RoleTally, Tally};
+
+/// Growth of a process nobody kills that is still called flat.
+const FLAT: f64 = 0.02;
+
+pub struct Summary {
+    pub wall: Duration,
+    /// By what is killed in them.
+    pub cells: [(&'static str, Tally); 2],
+    /// What did not come back, or answer, or end in order.
+    pub failures: Vec<String>,
+    /// Shared memory and locks that should be gone.
+    pub left_over: Vec<String>,
+}
+
+impl Summary {
+    pub fn is_good(&self) -> bool {
+        let good = |tally: &Tally| {
+            let ledger = &tally.ledger;
+            let flat = tally.footprint.memory_growth().is_none_or(|growth| growth.abs() <= FLAT)
+                && tally.footprint.file_growth().is_none_or(|growth| growth <= 0);
+            tally.different == 0
+                && ledger.lost + ledger.duplicated + ledger.foreign == 0
+                && ledger.produced == ledger.learnt
+                && flat
+        };
+        self.failures.is_empty()
+            && self.left_over.is_empty()
+            && self.cells.iter().all(|(_, tally)| good(tally))
+    }
+
+    pub fn json(&self) -> serde_json::Value {
+        let cells = self.cells.iter().map(|(name, tally)| (name.to_string(), cell_json(tally)));
+        json!({
+            "good": self.is_good(),
+            "minutes": self.wall.as_secs_f64() / 60.0,
+            "cells": cells.collect::<serde_json::Map<_, _>>(),
+            "failures": self.failures,
+            "left_over": self.left_over,
+        })
+    }
+
+    pub fn text(&self) -> String {
+        let mut text = format!("soaked for {:.1} min\n", self.wall.as_secs_f64() / 60.0);
+        for (name, tally) in &self.cells {
+            text += &match *name {
+                "both" => "\ncontroller and learner killed\n".to_string(),
+                _ => "\nlearner killed, controller left alone\n".to_string(),
+            };
+            text += &cell_text(tally);
+        }
+        for failure in &self.failures {
+            text += &format!("\nFAILED: {failure}\n");
+        }
+        for path in &self.left_over {
+            text += &format!("\nLEFT OVER: {path}\n");
+        }
+        text += match self.is_good() {
+            true => "\ngood: nothing lost, nothing twice, every session as if undisturbed\n",
+            false => "\nNOT GOOD\n",
+        };
+        text
+    }
+}
+
+fn cell_text(tally: &Tally) -> String {
+    let ledger = &tally.ledger;
+    let mut text = String::new();
+    for (name, role) in [("controller", &tally.controller), ("learner", &tally.learner)] {
+        if role.kills == 0 {
+            continue;
+        }
+        let [p50, p99, max] = percentiles(role).map(|ms| format!("{ms:.0}"));
+        text += &format!(
+            "  {name:<11} {} kills, {} of them at its start; up again after p50 {p50}, p99 {p99}, \
+             max {max} ms (n = {})\n",
+            role.kills,
+            role.at_start,
+            role.restarts.len()
+        );
+    }
+    text += &format!(
+        "  sessions    {}, {} different from an undisturbed one; {} swaps, {} onlookers\n\
+         \x20 episodes    {} produced, {} learnt, {} duplicated, {} lost, {} foreign\n",
+        tally.sessions,
+        tally.different,
+        tally.swaps,
+        tally.onlookers,
+        ledger.produced,
+        ledger.learnt,
+        ledger.duplicated,
+        ledger.lost,
+        ledger.foreign
+    );
+    if let (Some(first), Some(last)) = (tally.footprint.first, tally.footprint.last) {
+        let growth = 100.0 * tally.footprint.memory_growth().unwrap_or(0.0);
+        text += &format!(
+            "  footprint   {:.1} -> {:.1} MiB ({growth:+.1} %), {} -> {} files; most {:.1} MiB, {}\n",
+            first.memory_mib,
+            last.memory_mib,
+            first.files,
+            last.files,
+            tally.footprint.most.memory_mib,
+            tally.footprint.most.files
+        );
+    }
+    text
+}
+
+fn cell_json(tally: &Tally) -> serde_json::Value {
+    let role = |role: &RoleTally| {
+        let [p50, p99, max] = percentiles(role);
+        json!({
+            "kills": role.kills,
+            "kills_at_start": role.at_start,
+            "restarts": role.restarts.len(),
+            "restart_ms": { "p50": p50, "p99": p99, "max": max },
+        })
+    };
+    let ledger = &tally.ledger;
+    let footprint = tally.footprint.first.zip(tally.footprint.last).map(|(first, last)| {
+        json!({
+            "memory_mib": [first.memory_mib, last.memory_mib],
+            "memory_mib_most": tally.footprint.most.memory_mib,
+            "files": [first.files, last.files],
+            "files_most": tally.footprint.most.files,
+        })
+    });
+    json!({
+        "controller": role(&tally.controller),
+        "learner": role(&tally.learner),
+        "sessions": tally.sessions,
+        "sessions_different": tally.different,
+        "swaps": tally.swaps,
+        "onlookers": tally.onlookers,
+        "episodes": {
+            "produced": ledger.produced,
+            "learnt": ledger.learnt,
+            "duplicated": ledger.duplicated,
+            "lost": ledger.lost,
+            "foreign": ledger.foreign,
+        },
+        "controller_footprint": footprint,
+    })
+}
+
+/// p50, p99 and longest restart, ms; nearest rank.
+fn percentiles(role: &RoleTally) -> [f64; 3] {
+    let mut sorted = role.restarts.clone();
+    sorted.sort_unstable();
+    [0.5, 0.99, 1.0].map(|share| {
+        let rank = (share * sorted.len() as f64).ceil() as usize;
+        let restart = sorted.get(rank.saturating_sub(1)).copied().unwrap_or_default();
+        1e3 * restart.as_secs_f64()
+    })
+}
