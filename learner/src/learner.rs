@@ -83,7 +83,7 @@ impl Learner {
         demonstrations: &[Demonstration],
     ) -> Result<Self, LearnerError> {
         config.validate()?;
-        let store = Store::open(&directory.join(SESSION_FILE))?;
+        let store = Store::resume(&directory.join(SESSION_FILE))?;
         store.expect_task(task)?;
         config.check_resumes(&store.meta().learner)?;
         let Replayed { problem, search, trials } = Replayed::of(&store, demonstrations)?;

@@ -49,3 +49,58 @@ pub fn replay(
 pub fn same_bits(a: &DVector<f64>, b: &DVector<f64>) -> bool {
     a.len() == b.len() && a.iter().zip(b.iter()).all(|(x, y)| x.to_bits() == y.to_bits())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::search::{Method, SearchConfig};
+    use crate::trial::Trial;
+    use shm_types::episode::OutcomeMsg;
+    use shm_types::policy::PolicyMsg;
+
+    fn record(trial: Trial) -> TrialRecord {
+        TrialRecord {
+            rollout: trial.rollout,
+            theta: trial.theta,
+            reward: trial.reward,
+            policy_id: trial.rollout,
+            policy_digest: 0,
+            boot_id: 0,
+            applied_tick: 0,
+            fault: 0,
+            n_records: 0,
+            set_aside: false,
+            outcome: OutcomeMsg::ZERO,
+        }
+    }
+
+    #[test]
+    fn a_history_that_does_not_lead_here_is_refused_where_it_goes_astray() {
+        let search = SearchConfig { method: Method::Tempered, ..Default::default() };
+        let mut config = LearnerConfig { search, ..Default::default() };
+        config.action.start = vec![8.0, 2.0];
+        let initial = PolicyMsg::of_action(&config.action.start).sealed();
+        let problem = Problem::around(&initial, &config, &[]).unwrap();
+        let mut search = AskTell::new(problem.search(&config));
+        let mut trials = Vec::new();
+        for rollout in 1..=40 {
+            let theta = search.ask(rollout).theta;
+            let reward = (-theta.norm_squared()).exp();
+            let trial = Trial { rollout, theta, reward, success: false };
+            search.tell(&trial).unwrap();
+            trials.push(record(trial));
+        }
+        assert!(replay(&config, &problem, &trials).is_ok());
+        let astray = |change: &dyn Fn(&mut TrialRecord)| {
+            let mut trials = trials.clone();
+            change(&mut trials[5]);
+            match replay(&config, &problem, &trials).err() {
+                Some(LearnerError::NotReproduced { rollout }) => rollout,
+                other => panic!("{other:?}"),
+            }
+        };
+        assert_eq!(astray(&|trial| trial.theta[0] += 1e-9), 6);
+        assert_eq!(astray(&|trial| trial.rollout = 7), 6);
+        assert!(astray(&|trial| trial.reward += 1.0) > 6, "another reward leads elsewhere, later");
+    }
+}

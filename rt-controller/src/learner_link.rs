@@ -47,6 +47,9 @@ impl LearnerLink {
                 self.has_news = true;
             }
         }
+        // Asked for by a learner that has taken its episode since.
+        let (session, durable) = self.durable;
+        self.proposal.take_if(|asked| asked.session == session && asked.rollout <= durable);
         while let Ok(Some(beat)) = ports.learner_beat.receive() {
             if beat.schema == SCHEMA && self.seen.is_none_or(|(last, _)| last != *beat) {
                 self.seen = Some((*beat, Instant::now()));

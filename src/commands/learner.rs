@@ -8,7 +8,7 @@ use anyhow::{Context, Result};
 use learner::Learner;
 use learner::modes::choose;
 use learner::session::{self, End, Event};
-use learner::store::SessionMeta;
+use learner::store::{SessionMeta, Store};
 use sd_notify::NotifyState;
 use shm_types::cell::{Cell, Role};
 use shm_types::channel::ChannelError;
@@ -81,7 +81,7 @@ pub fn run(args: &LearnerArgs) -> Result<Verdict> {
 
 fn open(folder: &SessionFolder, config: &Config) -> Result<Learner> {
     let demonstrations = setup::check(config)?;
-    let learner = if folder.database().exists() {
+    let learner = if Store::exists(&folder.database()) {
         Learner::resume(folder.dir(), &config.task.name, &config.learner, &demonstrations)
     } else {
         let meta = SessionMeta {

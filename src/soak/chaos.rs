@@ -13,7 +13,7 @@ use shm_types::cell::Role;
 use shm_types::ports::ObserverPorts;
 
 use super::cell::SoakCell;
-use super::footprint::Footprint;
+use super::footprint::{Footprint, Held};
 use super::ledger::Ledger;
 use super::process::Process;
 use crate::bench::service::Commander;
@@ -229,16 +229,15 @@ impl<'a> Chaos<'a> {
             eprintln!("{}: differs from an undisturbed run", folder.display());
         }
         let ledger = Ledger::of(&folder, &self.cell.dir.join("controller.log"))?;
-        let mut footprint =
-            self.tally.lock().map_or_else(|b| b.into_inner().footprint, |t| t.footprint);
-        if !self.kills_controller {
-            footprint.look(controller.id())?;
-        }
+        let held = match self.kills_controller {
+            true => None,
+            false => Some(Held::by(controller.id())?),
+        };
         self.count(|tally| {
             tally.sessions += 1;
             tally.different += u64::from(!same);
             tally.ledger.add(&ledger);
-            tally.footprint = footprint;
+            held.into_iter().for_each(|held| tally.footprint.add(held));
         });
         Ok(())
     }

@@ -1,42 +1,73 @@
-//! What a process holds: memory and file descriptors.
+//! What a process that nobody kills holds: memory and file descriptors.
 
 use anyhow::{Context, Result};
 
 use crate::bench::service::resident_mib;
 
-/// Over the life of a process that nobody kills.
-#[derive(Clone, Copy, Debug, Default)]
+/// Share of the looks at the beginning that are left out: caches fill, pages are touched first.
+const WARM_UP: f64 = 0.1;
+
+/// A look after every session.
+#[derive(Clone, Debug, Default)]
 pub struct Footprint {
-    pub first: Option<Held>,
-    pub last: Option<Held>,
-    pub most: Held,
+    looks: Vec<Held>,
 }
 
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub struct Held {
     pub memory_mib: f64,
     pub files: usize,
 }
 
-impl Footprint {
-    /// Adds a look at the process `pid`.
-    pub fn look(&mut self, pid: u32) -> Result<()> {
+impl Held {
+    pub fn by(pid: u32) -> Result<Held> {
         let files = std::fs::read_dir(format!("/proc/{pid}/fd")).context("counting its files")?;
-        let held = Held { memory_mib: resident_mib(pid)?, files: files.count() };
-        self.first.get_or_insert(held);
-        self.last = Some(held);
-        self.most.memory_mib = self.most.memory_mib.max(held.memory_mib);
-        self.most.files = self.most.files.max(held.files);
-        Ok(())
+        Ok(Held { memory_mib: resident_mib(pid)?, files: files.count() })
+    }
+}
+
+impl Footprint {
+    pub fn add(&mut self, held: Held) {
+        self.looks.push(held);
     }
 
-    /// Growth of the memory from the first look to the last, relative.
-    pub fn memory_growth(&self) -> Option<f64> {
-        Some(self.last?.memory_mib / self.first?.memory_mib - 1.0)
+    /// In the first and in the last quarter of its life after the warm-up: median memory, fewest
+    /// files (a client that is just there holds some). `None` of a life too short to tell.
+    pub fn trend(&self) -> Option<[Held; 2]> {
+        let warm = &self.looks[(WARM_UP * self.looks.len() as f64).ceil() as usize..];
+        let quarter = warm.len() / 4;
+        (quarter > 0).then(|| [typical(&warm[..quarter]), typical(&warm[warm.len() - quarter..])])
     }
 
-    /// More files at the end than at the beginning.
-    pub fn file_growth(&self) -> Option<i64> {
-        Some(self.last?.files as i64 - self.first?.files as i64)
+    pub fn most(&self) -> Option<Held> {
+        let memory_mib = self.looks.iter().map(|held| held.memory_mib).fold(0.0, f64::max);
+        let files = self.looks.iter().map(|held| held.files).max()?;
+        Some(Held { memory_mib, files })
+    }
+}
+
+fn typical(looks: &[Held]) -> Held {
+    let mut memory: Vec<f64> = looks.iter().map(|held| held.memory_mib).collect();
+    memory.sort_by(f64::total_cmp);
+    let files = looks.iter().map(|held| held.files).min().unwrap_or(0);
+    Held { memory_mib: memory[memory.len() / 2], files }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_leak_shows_and_a_visitor_does_not() {
+        let of = |looks: &[(f64, usize)]| Footprint {
+            looks: looks.iter().map(|&(memory_mib, files)| Held { memory_mib, files }).collect(),
+        };
+        assert!(of(&[(20.0, 40); 4]).trend().is_none(), "too short");
+        let flat: Vec<_> = (0..40).map(|i| (20.0, if i % 3 == 0 { 47 } else { 40 })).collect();
+        let [first, last] = of(&flat).trend().unwrap();
+        assert_eq!((first.memory_mib, first.files), (last.memory_mib, last.files));
+        let leak: Vec<_> = (0..40).map(|i| (20.0 + 0.1 * f64::from(i), 40 + i as usize)).collect();
+        let [first, last] = of(&leak).trend().unwrap();
+        assert!(last.memory_mib > 1.1 * first.memory_mib && last.files > first.files + 20);
     }
 }

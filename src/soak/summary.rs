@@ -23,8 +23,9 @@ impl Summary {
     pub fn is_good(&self) -> bool {
         let good = |tally: &Tally| {
             let ledger = &tally.ledger;
-            let flat = tally.footprint.memory_growth().is_none_or(|growth| growth.abs() <= FLAT)
-                && tally.footprint.file_growth().is_none_or(|growth| growth <= 0);
+            let flat = tally.footprint.trend().is_none_or(|[first, last]| {
+                last.memory_mib <= (1.0 + FLAT) * first.memory_mib && last.files <= first.files
+            });
             tally.different == 0
                 && ledger.lost + ledger.duplicated + ledger.foreign == 0
                 && ledger.produced == ledger.learnt
@@ -98,16 +99,16 @@ fn cell_text(tally: &Tally) -> String {
         ledger.lost,
         ledger.foreign
     );
-    if let (Some(first), Some(last)) = (tally.footprint.first, tally.footprint.last) {
-        let growth = 100.0 * tally.footprint.memory_growth().unwrap_or(0.0);
+    if let (Some([first, last]), Some(most)) = (tally.footprint.trend(), tally.footprint.most()) {
         text += &format!(
-            "  footprint   {:.1} -> {:.1} MiB ({growth:+.1} %), {} -> {} files; most {:.1} MiB, {}\n",
+            "  footprint   {:.1} -> {:.1} MiB ({:+.1} %), {} -> {} files; most {:.1} MiB, {}\n",
             first.memory_mib,
             last.memory_mib,
+            100.0 * (last.memory_mib / first.memory_mib - 1.0),
             first.files,
             last.files,
-            tally.footprint.most.memory_mib,
-            tally.footprint.most.files
+            most.memory_mib,
+            most.files
         );
     }
     text
@@ -124,12 +125,10 @@ fn cell_json(tally: &Tally) -> serde_json::Value {
         })
     };
     let ledger = &tally.ledger;
-    let footprint = tally.footprint.first.zip(tally.footprint.last).map(|(first, last)| {
+    let footprint = tally.footprint.trend().map(|[first, last]| {
         json!({
             "memory_mib": [first.memory_mib, last.memory_mib],
-            "memory_mib_most": tally.footprint.most.memory_mib,
             "files": [first.files, last.files],
-            "files_most": tally.footprint.most.files,
         })
     });
     json!({

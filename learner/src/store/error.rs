@@ -27,8 +27,8 @@ pub enum StoreError {
     )]
     OtherTask { path: PathBuf, found: String, expected: String },
     #[error(
-        "{path} is corrupted ({detail}): move it away or give another --out; `sqlite3 {path} \
-         .recover` may save what is left"
+        "{path} is corrupted ({detail}): resume the session, which restores it from its second copy; \
+         if that fails, move both away or give another --out"
     )]
     Corrupt { path: PathBuf, detail: String },
     #[error("{path} is read-only: make the file and its folder writable, or give another --out")]

@@ -2,11 +2,13 @@
 //!
 //! Write-ahead log with full synchronisation: what a call has returned from survives a power cut.
 
+mod copy;
 mod error;
 mod meta;
 mod modes;
 mod read;
 mod rows;
+mod seal;
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -14,6 +16,7 @@ use std::time::Duration;
 use rusqlite::{Connection, OpenFlags, Transaction, params};
 use shm_types::policy::PolicyMsg;
 
+use copy::{SecondCopy, copy_path};
 pub use error::StoreError;
 pub use meta::SessionMeta;
 pub use rows::{Event, PolicyKind, TrialRecord};
@@ -25,7 +28,7 @@ use crate::trial::Proposal;
 use shm_types::policy_json;
 
 /// Format of the session file; raised whenever an older program could not read it.
-pub const FORMAT_VERSION: i64 = 2;
+pub const FORMAT_VERSION: i64 = 3;
 /// "SKLT" in the file's header: how `file` and [`Store::open`] recognise a session.
 const APPLICATION_ID: i64 = 0x534b_4c54;
 /// How long to wait for another program's short transaction.
@@ -36,6 +39,8 @@ pub struct Store {
     connection: Connection,
     path: PathBuf,
     meta: SessionMeta,
+    /// Of a session that is gone on with.
+    copy: Option<SecondCopy>,
 }
 
 impl Store {
@@ -50,9 +55,12 @@ impl Store {
             // Absent, as a rule; what cannot be removed is reported when it is opened.
             let _ = std::fs::remove_file(leftover);
         }
+        if copy_path(path).exists() {
+            return Err(StoreError::Exists { path: copy_path(path) });
+        }
         drop(Store::create_draft(&draft, meta, initial)?);
         std::fs::rename(&draft, path).map_err(|_| StoreError::CannotOpen { path: path.into() })?;
-        Store::open(path)
+        Store::resume(path)
     }
 
     fn create_draft(
@@ -64,7 +72,7 @@ impl Store {
         let sql = |error| StoreError::from_sql(path, error);
         let connection = connect(path, flags).map_err(sql)?;
         connection.pragma_update(None, "journal_mode", "WAL").map_err(sql)?;
-        let mut store = Store { connection, path: path.into(), meta: meta.clone() };
+        let mut store = Store { connection, path: path.into(), meta: meta.clone(), copy: None };
         let text = store.policy_text(initial)?;
         store.transaction(|transaction| {
             transaction.execute_batch(include_str!("schema.sql"))?;
@@ -76,7 +84,20 @@ impl Store {
         Ok(store)
     }
 
-    /// Opens a session and checks its identity, format and integrity.
+    /// There is a session, whole or damaged.
+    pub fn exists(path: &Path) -> bool {
+        path.exists() || copy_path(path).exists()
+    }
+
+    /// Opens a session to go on with it. One that is damaged, or has lost what it knew, is restored
+    /// from its second copy.
+    pub fn resume(path: &Path) -> Result<Self, StoreError> {
+        let mut store = copy::open_better(path)?;
+        store.copy = Some(SecondCopy::of(&store));
+        Ok(store)
+    }
+
+    /// Opens a session to look at it, and checks its identity, format and integrity.
     pub fn open(path: &Path) -> Result<Self, StoreError> {
         if !path.exists() {
             return Err(StoreError::Missing { path: path.into() });
@@ -96,8 +117,11 @@ impl Store {
         if check != "ok" {
             return Err(StoreError::Corrupt { path: path.into(), detail: check });
         }
+        if let Some(detail) = seal::find_damage(&connection).map_err(sql)? {
+            return Err(StoreError::Corrupt { path: path.into(), detail });
+        }
         let meta = meta::read(&connection, path)?;
-        Ok(Store { connection, path: path.into(), meta })
+        Ok(Store { connection, path: path.into(), meta, copy: None })
     }
 
     /// That this is a session of `task`.
@@ -180,16 +204,17 @@ impl Store {
         result.map_err(|error| StoreError::from_sql(&self.path, error))
     }
 
+    /// Commits to the session, which decides, then to its second copy.
     fn transaction(
         &mut self,
-        write: impl FnOnce(&Transaction<'_>) -> rusqlite::Result<()>,
+        write: impl Fn(&Transaction<'_>) -> rusqlite::Result<()>,
     ) -> Result<(), StoreError> {
-        let run = || {
-            let transaction = self.connection.transaction()?;
-            write(&transaction)?;
-            transaction.commit()
-        };
-        run().map_err(|error| StoreError::from_sql(&self.path, error))
+        let committed = copy::commit(&mut self.connection, &write);
+        committed.map_err(|error| StoreError::from_sql(&self.path, error))?;
+        if let Some(copy) = &mut self.copy {
+            copy.repeat(&self.connection, &write);
+        }
+        Ok(())
     }
 }
 
@@ -199,6 +224,7 @@ fn connect(path: &Path, flags: OpenFlags) -> rusqlite::Result<Connection> {
     connection.busy_timeout(BUSY_TIMEOUT)?;
     connection.pragma_update(None, "synchronous", "FULL")?;
     connection.pragma_update(None, "foreign_keys", "ON")?;
+    seal::teach(&connection)?;
     Ok(connection)
 }
 

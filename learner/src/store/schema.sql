@@ -1,14 +1,17 @@
 -- A session: everything needed to resume it, readable with any SQLite tool.
 -- θ, mean and std are BLOBs of little-endian f64 in scaled units (path: f32, 20 columns a row).
+-- seal: digest of all other columns of the row (see `seal.rs`).
 -- 64-bit identities (session, boot, digest) are hexadecimal text: SQLite's integers are signed.
 
 CREATE TABLE meta (
     key TEXT PRIMARY KEY,
+    seal INTEGER,
     value TEXT NOT NULL
 ) STRICT;
 
 CREATE TABLE policies (
     policy_id INTEGER PRIMARY KEY,
+    seal INTEGER,
     kind TEXT NOT NULL CHECK (kind IN ('initial', 'trial', 'mode')),
     rollout INTEGER NOT NULL,
     digest TEXT NOT NULL,
@@ -18,11 +21,13 @@ CREATE TABLE policies (
 -- Written before the policy is published.
 CREATE TABLE proposals (
     rollout INTEGER PRIMARY KEY,
+    seal INTEGER,
     theta BLOB NOT NULL
 ) STRICT;
 
 CREATE TABLE trials (
     rollout INTEGER PRIMARY KEY REFERENCES proposals (rollout),
+    seal INTEGER,
     theta BLOB NOT NULL,
     reward REAL NOT NULL CHECK (reward >= 0),
     success INTEGER NOT NULL,
@@ -54,6 +59,7 @@ CREATE TABLE trials (
 -- The state of the search after a trial: the distribution of the next proposal.
 CREATE TABLE searches (
     rollout INTEGER PRIMARY KEY REFERENCES trials (rollout),
+    seal INTEGER,
     mean BLOB NOT NULL,
     std BLOB NOT NULL,
     floor REAL NOT NULL
@@ -63,6 +69,7 @@ CREATE TABLE searches (
 -- by columns. All of it follows from the trials.
 CREATE TABLE modes (
     mode INTEGER PRIMARY KEY,
+    seal INTEGER,
     prior REAL NOT NULL,
     mean BLOB NOT NULL,
     covariance BLOB NOT NULL,
@@ -76,11 +83,13 @@ CREATE TABLE modes (
 -- Means of modes that must not be used.
 CREATE TABLE forbidden (
     id INTEGER PRIMARY KEY,
+    seal INTEGER,
     mean BLOB NOT NULL
 ) STRICT;
 
 CREATE TABLE events (
     id INTEGER PRIMARY KEY,
+    seal INTEGER,
     kind TEXT NOT NULL,
     text TEXT NOT NULL
 ) STRICT;

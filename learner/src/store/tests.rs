@@ -18,7 +18,7 @@ fn meta() -> SessionMeta {
     }
 }
 
-fn policy(policy_id: u64) -> PolicyMsg {
+pub(super) fn policy(policy_id: u64) -> PolicyMsg {
     let mut policy =
         PolicyMsg { n_components: 1, policy_id, rollout: policy_id, ..PolicyMsg::EMPTY };
     policy.session = meta().session_id;
@@ -26,11 +26,11 @@ fn policy(policy_id: u64) -> PolicyMsg {
     policy.sealed()
 }
 
-fn proposal(rollout: u64) -> Proposal {
+pub(super) fn proposal(rollout: u64) -> Proposal {
     Proposal { rollout, theta: DVector::from_vec(vec![0.1 * rollout as f64, -0.0, 1e-300]) }
 }
 
-fn record(rollout: u64) -> TrialRecord {
+pub(super) fn record(rollout: u64) -> TrialRecord {
     TrialRecord {
         rollout,
         theta: proposal(rollout).theta,
@@ -51,16 +51,16 @@ fn record(rollout: u64) -> TrialRecord {
     }
 }
 
-fn snapshot() -> SearchSnapshot {
+pub(super) fn snapshot() -> SearchSnapshot {
     let mean = DVector::from_vec(vec![1.0, 0.1, -3.0]);
     SearchSnapshot { std: mean.map(f64::abs), mean, floor: 0.2 }
 }
 
-fn rows() -> Vec<PathRow> {
+pub(super) fn rows() -> Vec<PathRow> {
     decimate(&[shm_types::episode::TickRecord::ZERO; 25])
 }
 
-fn session(directory: &TempDir) -> (PathBuf, Store) {
+pub(super) fn session(directory: &TempDir) -> (PathBuf, Store) {
     let path = directory.path().join("session.db");
     let store = Store::create(&path, meta(), &policy(0)).expect("an empty folder");
     (path, store)
@@ -108,7 +108,7 @@ fn a_failed_write_leaves_nothing_behind() {
     store.put_proposal(&proposal(1), &policy(1)).unwrap();
     // The second statement of the transaction fails: a search snapshot is there already.
     store.connection.execute_batch("PRAGMA foreign_keys = OFF").unwrap();
-    let blocker = "INSERT INTO searches VALUES (1, x'', x'', 0)";
+    let blocker = "INSERT INTO searches VALUES (1, 0, x'', x'', 0)";
     store.connection.execute_batch(blocker).unwrap();
     assert!(store.record_trial(&record(1), &snapshot(), &rows()).is_err());
     assert_eq!((store.trial_count().unwrap(), store.durable_rollout().unwrap()), (0, 0));
@@ -179,7 +179,7 @@ fn refuses_another_format_and_another_task() {
     assert!(error.contains("of the task `pancake`, not `skittles`"), "{error}");
     store.connection.pragma_update(None, "user_version", 99).unwrap();
     drop(store);
-    assert!(refusal(&path).contains("session format 99, this program writes 2"));
+    assert!(refusal(&path).contains("session format 99, this program writes 3"));
 }
 
 #[test]
@@ -204,7 +204,7 @@ fn refuses_damaged_files() {
     bytes[4096..].fill(0xa5);
     std::fs::write(&path, bytes).unwrap();
     let message = refusal(&path);
-    assert!(message.contains("corrupted") && message.contains(".recover"), "{message}");
+    assert!(message.contains("corrupted") && message.contains("second copy"), "{message}");
     std::fs::write(&path, &sound[..sound.len() / 2]).unwrap();
     assert!(refusal(&path).contains("corrupted"), "{}", refusal(&path));
 }
