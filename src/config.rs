@@ -1,5 +1,6 @@
 //! The configuration file: `[cell] [task] [controller] [plant] [learner] [log]`, one table each.
 
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
@@ -21,6 +22,7 @@ pub struct Config {
     pub plant: PlantConfig,
     pub controller: ControllerConfig,
     pub learner: LearnerConfig,
+    pub metrics: MetricsConfig,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -51,6 +53,13 @@ pub struct LogConfig {
     pub level: String,
     /// text or json.
     pub format: String,
+}
+
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct MetricsConfig {
+    /// Loopback address of the controller's Prometheus endpoint; nothing listens when absent.
+    pub listen: Option<SocketAddr>,
 }
 
 /// The simulated arm, pan and pancake.
@@ -249,6 +258,9 @@ impl Config {
         }
         if !["text", "json"].contains(&self.log.format.as_str()) {
             bail!("log.format is '{}': use text or json", self.log.format);
+        }
+        if let Some(address) = self.metrics.listen {
+            crate::metrics::check(address)?;
         }
         self.plant.validate()?;
         self.plant.world(self.controller.period_s()).check().context("plant")?;

@@ -6,17 +6,30 @@ use tracing_subscriber::EnvFilter;
 
 use crate::config::LogConfig;
 
+/// Sets the level of a log that has been started; the error says why it cannot.
+pub type SetLevel = Box<dyn Fn(&str) -> Result<(), String> + Send>;
+
 /// Starts logging; `RUST_LOG` overrides the configured level.
-pub fn start(config: &LogConfig) {
+pub fn start(config: &LogConfig) -> SetLevel {
     let filter =
         EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(&config.level));
     let builder = tracing_subscriber::fmt()
-        .with_env_filter(filter)
         .with_writer(std::io::stderr)
         .with_ansi(std::io::stderr().is_terminal());
     // A second start in one process keeps the first; nothing else can fail here.
-    let _ = match config.format.as_str() {
-        "json" => builder.json().try_init(),
-        _ => builder.with_target(false).try_init(),
-    };
+    match config.format.as_str() {
+        "json" => {
+            let builder = builder.json().with_env_filter(filter).with_filter_reloading();
+            let handle = builder.reload_handle();
+            let _ = builder.try_init();
+            Box::new(move |level| handle.reload(EnvFilter::new(level)).map_err(|e| e.to_string()))
+        }
+        _ => {
+            let builder =
+                builder.with_target(false).with_env_filter(filter).with_filter_reloading();
+            let handle = builder.reload_handle();
+            let _ = builder.try_init();
+            Box::new(move |level| handle.reload(EnvFilter::new(level)).map_err(|e| e.to_string()))
+        }
+    }
 }

@@ -9,8 +9,10 @@ mod config;
 mod doctor;
 mod host;
 mod log;
+mod metrics;
 mod output;
 mod progress;
+mod reload;
 mod report;
 
 mod session_folder;

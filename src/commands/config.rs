@@ -8,7 +8,7 @@ use crate::config::Config;
 use crate::output::{print, print_json};
 
 /// Settings without a default, which TOML cannot show.
-const OPTIONAL: &str = "\n# optional: task.demonstration (CSV), plant.arm (URDF), controller.cpu\n";
+const OPTIONAL: &str = "\n# optional: task.demonstration (CSV), plant.arm (URDF), controller.cpu,\n# cell.state_dir, metrics.listen (as \"127.0.0.1:9464\")\n";
 
 pub fn run(args: &ConfigArgs) -> Result<Verdict> {
     let config = Config::load(args.config.as_deref())?;

@@ -15,7 +15,8 @@ use crate::Verdict;
 use crate::cell::state_dir;
 use crate::cli::ControllerArgs;
 use crate::config::Config;
-use crate::{log, setup};
+use crate::metrics::Endpoint;
+use crate::{log, reload, setup};
 
 pub fn run(args: &ControllerArgs) -> Result<Verdict> {
     let stop = setup::stop_flag()?;
@@ -23,9 +24,12 @@ pub fn run(args: &ControllerArgs) -> Result<Verdict> {
         setup::end_with_parent(parent)?;
     }
     let config = Config::load(args.config.as_deref())?;
-    log::start(&config.log);
+    let set_level = log::start(&config.log);
+    reload::on_hangup(args.config.as_deref(), &config, set_level)?;
     let cell = Cell::new(args.cell.as_deref().unwrap_or(&config.cell.name))?;
 
+    let _metrics =
+        config.metrics.listen.map(|address| Endpoint::start(address, &cell)).transpose()?;
     // The cell of a single `learn` is gone with it.
     let state = (!args.private).then(|| state_dir(&config, &cell));
     let state = state.as_deref();

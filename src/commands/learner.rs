@@ -19,7 +19,7 @@ use crate::cli::LearnerArgs;
 use crate::config::Config;
 use crate::progress::TrialLine;
 use crate::session_folder::SessionFolder;
-use crate::{log, setup};
+use crate::{log, reload, setup};
 
 /// How long a learner looks for a controller before it says so, and looks again.
 const PATIENCE: Duration = Duration::from_secs(10);
@@ -40,7 +40,8 @@ pub fn run(args: &LearnerArgs) -> Result<Verdict> {
         folder.write(&config)?;
     }
     let config = Config::load(Some(&folder.config_path()))?;
-    log::start(&config.log);
+    let set_level = log::start(&config.log);
+    reload::on_hangup(Some(&folder.config_path()), &config, set_level)?;
     let _session = folder.lock()?;
     let cell = Cell::new(args.cell.as_deref().unwrap_or(&config.cell.name))?;
     let _lock = cell.lock(Role::Learner)?;
