@@ -77,16 +77,23 @@ fn second_controller_in_a_cell_is_refused_and_disturbs_nobody() {
     assert!(first.wait().status.success());
 }
 
+/// At once, with one seed: each is the session it would be alone.
 #[test]
-fn cells_do_not_meet() {
+fn ten_cells_do_not_meet() {
     let bench = Bench::new();
-    let sessions = ["a", "b"].map(|out| {
-        bench.start(&["learn", "pancake", "--seed", "2", "--rollouts", "8", "--out", out])
-    });
+    let arguments = ["learn", "pancake", "--seed", "2", "--rollouts", "6", "--out"];
+    let outs: Vec<String> = (0..10).map(|i| format!("s{i}")).collect();
+    let start = |out: &String| bench.start(&[&arguments[..], &[out]].concat());
+    let sessions: Vec<_> = outs.iter().map(start).collect();
     for session in sessions {
-        assert!(session.wait().status.success());
+        let output = session.wait();
+        assert!(output.status.success(), "{}", util::stderr(&output));
     }
-    assert_eq!(bits(&bench.trials("a")), bits(&bench.trials("b")));
+    bench.ok(&[&arguments[..], &["alone"]].concat());
+    let alone = bits(&bench.trials("alone"));
+    for out in &outs {
+        assert_eq!(bits(&bench.trials(out)), alone, "{out}");
+    }
 }
 
 #[test]
@@ -193,4 +200,45 @@ fn a_service_manager_is_told_of_readiness_life_and_end() {
         said("STOPPING=1");
         service.wait().unwrap();
     }
+}
+
+#[test]
+fn metrics_are_offered_on_loopback_when_asked_for_and_a_hangup_sets_the_log_level() {
+    use std::io::{Read, Write};
+    use std::net::{TcpListener, TcpStream};
+    fn with(path: &std::path::Path) -> Vec<&str> {
+        [&CONTROLLER[..], &["--config", path.to_str().unwrap()]].concat()
+    }
+    let bench = Bench::new();
+    let open = "[metrics]\nlisten = \"0.0.0.0:9464\"\n";
+    let open = bench.write("open.toml", open);
+    bench.refused(&with(&open), &["metrics.listen", "0.0.0.0:9464", "loopback"]);
+
+    let free = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+    let text =
+        |level: &str| format!("[metrics]\nlisten = \"{free}\"\n[log]\nlevel = \"{level}\"\n");
+    let config = bench.write("c.toml", &text("error"));
+    let controller = bench.start(&with(&config));
+    eventually("status", || status(&bench));
+    let get = |path: &str| {
+        let mut stream = TcpStream::connect(free).unwrap();
+        write!(stream, "GET {path} HTTP/1.0\r\n\r\n").unwrap();
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).unwrap();
+        answer
+    };
+    let metrics = get("/metrics");
+    assert!(metrics.starts_with("HTTP/1.0 200"), "{metrics}");
+    assert!(metrics.contains("skillet_rollouts_total{cell=\"c1\"} 0"), "{metrics}");
+    assert!(get("/").starts_with("HTTP/1.0 404"));
+
+    bench.write("c.toml", &text("info"));
+    kill(controller.pid(), "HUP");
+    // It lives, and from now on says what it does.
+    bench.ok(&["status", "--cell", "c1"]);
+    std::thread::sleep(std::time::Duration::from_millis(300));
+    controller.signal("TERM");
+    let log = util::stderr(&controller.wait());
+    assert!(!log.contains("controller ready"), "the level was error: {log}");
+    assert!(log.contains("configuration read again") && log.contains("ended in order"), "{log}");
 }

@@ -90,12 +90,12 @@ fn prepare(args: &LearnArgs) -> Result<(SessionFolder, Config)> {
 
     if folder.has_session() {
         folder.expect_same_world(&config)?;
-        drop(folder.lock()?);
     }
     setup::check(&config)?;
-    if folder.database().exists() {
+    if Store::exists(&folder.database()) {
         let session = || format!("session {}", folder.dir().display());
-        let store = Store::open(&folder.database()).with_context(session)?;
+        let _lock = folder.lock()?;
+        let store = Store::resume(&folder.database()).with_context(session)?;
         store.expect_task(args.task.name()).with_context(session)?;
         config.learner.check_resumes(&store.meta().learner).with_context(session)?;
     }

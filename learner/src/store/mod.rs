@@ -112,10 +112,14 @@ impl Store {
         if found != FORMAT_VERSION {
             return Err(StoreError::Format { path: path.into(), found, expected: FORMAT_VERSION });
         }
-        let check: String =
-            connection.pragma_query_value(None, "quick_check", |row| row.get(0)).map_err(sql)?;
+        // The first finding is enough.
+        let check = connection.query_row("PRAGMA quick_check(1)", [], |row| row.get(0));
+        let check: String = check.map_err(sql)?;
         if check != "ok" {
-            return Err(StoreError::Corrupt { path: path.into(), detail: check });
+            return Err(StoreError::Corrupt {
+                path: path.into(),
+                detail: check.replace('\n', " "),
+            });
         }
         if let Some(detail) = seal::find_damage(&connection).map_err(sql)? {
             return Err(StoreError::Corrupt { path: path.into(), detail });
