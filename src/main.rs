@@ -37,6 +37,7 @@ fn main() -> ExitCode {
         Verb::Controller(args) => commands::controller::run(args),
         Verb::Learner(args) => commands::learner::run(args),
         Verb::Status(args) => commands::status::run(args),
+        Verb::Rearm(args) => commands::rearm::run(args),
         Verb::Policy(args) => commands::policy::run(args),
         Verb::Report(args) => commands::report::run(args),
         Verb::Study(args) => commands::study::run(args),

@@ -43,6 +43,9 @@ pub enum Event {
     ControllerBack,
     /// The controller serves a pinned policy, and what was asked for waits; or does no more.
     Pinned(bool),
+    /// The arm is held after this fault of the machine, and what was asked for waits until it is
+    /// re-armed; or, 0, it no longer is.
+    Held(u64),
     /// The rollout gave no usable episode: stored and counted, not learnt.
     SetAside {
         rollout: u64,
@@ -116,6 +119,8 @@ struct Link<'a> {
     heard: Instant,
     is_silent: bool,
     is_pinned: bool,
+    /// Fault after which the arm is held, or 0.
+    latched: u64,
     set_aside_in_a_row: u32,
 }
 
@@ -131,6 +136,7 @@ impl<'a> Link<'a> {
             heard: now,
             is_silent: false,
             is_pinned: false,
+            latched: 0,
             set_aside_in_a_row: 0,
         }
     }
@@ -168,9 +174,12 @@ impl<'a> Link<'a> {
                         return Ok(Some(report));
                     }
                     Err(CompleteError::Learner(error)) => return Err(error.into()),
-                    // An operator's doing, as often as he likes: no attempt of ours.
-                    Err(swapped @ CompleteError::Swapped { rollout }) => {
-                        on_event(Event::AskedAgain { rollout, reason: swapped.to_string() });
+                    // An operator's or the machine's doing, as often as it comes: no attempt of ours.
+                    Err(
+                        no_trial @ (CompleteError::Swapped { rollout }
+                        | CompleteError::MachineFault { rollout }),
+                    ) => {
+                        on_event(Event::AskedAgain { rollout, reason: no_trial.to_string() });
                         self.publish(policy)?;
                         asked = Instant::now();
                     }
@@ -199,7 +208,7 @@ impl<'a> Link<'a> {
                 return Ok(None);
             }
             let restarted = self.look_around(on_event);
-            if self.is_pinned {
+            if self.is_pinned || self.latched != 0 {
                 asked = Instant::now(); // it waits for its turn
             }
             let reason = match (restarted, asked.elapsed() >= ROLLOUT && !self.is_silent) {
@@ -251,6 +260,7 @@ impl<'a> Link<'a> {
                 boot_id: u64::from(std::process::id()),
                 counter: self.beat_counter,
                 pinned: 0,
+                latched: 0,
             };
             // Nobody listening is what the controller's own silence will tell.
             let _ = self.ports.beat.send_copy(beat);
@@ -261,10 +271,13 @@ impl<'a> Link<'a> {
             // A service manager that does not listen will notice by itself.
             let _ = sd_notify::notify(false, &[NotifyState::Watchdog]);
         }
-        let was_pinned = self.is_pinned;
+        let before = (self.is_pinned, self.latched);
         let restarted = self.hear(now);
-        if self.is_pinned != was_pinned {
+        if self.is_pinned != before.0 {
             on_event(Event::Pinned(self.is_pinned));
+        }
+        if self.latched != before.1 {
+            on_event(Event::Held(self.latched));
         }
         let silence = now - self.heard;
         if silence >= SILENT && !self.is_silent {
@@ -285,7 +298,7 @@ impl<'a> Link<'a> {
             }
             restarted |= self.controller.is_some_and(|last| last.boot_id != beat.boot_id);
             self.controller = Some(*beat);
-            self.is_pinned = beat.pinned == 1;
+            (self.is_pinned, self.latched) = (beat.pinned == 1, beat.latched);
             self.heard = now;
         }
         restarted

@@ -9,6 +9,7 @@ use learner::Learner;
 use learner::modes::choose;
 use learner::session::{self, End, Event};
 use learner::store::SessionMeta;
+use rt_controller::fault::Fault;
 use sd_notify::NotifyState;
 use shm_types::cell::{Cell, Role};
 use shm_types::channel::ChannelError;
@@ -114,6 +115,11 @@ fn report(event: &Event, line: &mut TrialLine, json: bool) {
         Event::ControllerBack => tracing::info!("controller is back"),
         Event::Pinned(true) => tracing::warn!("the controller serves a pinned policy; waiting"),
         Event::Pinned(false) => tracing::info!("the controller takes proposals again"),
+        Event::Held(0) => tracing::info!("the arm is re-armed"),
+        Event::Held(fault) => tracing::warn!(
+            "the arm is held after a machine fault ({}); waiting for `skillet rearm`",
+            Fault::describe(*fault as u32)
+        ),
         Event::SetAside { rollout, reason } => {
             tracing::warn!("rollout {rollout} set aside, not learnt: {reason}");
         }
