@@ -51,7 +51,8 @@ pub struct ControllerConfig {
     pub hold_damping: f64,
     /// Ticks in a row without a new sample that are let pass.
     pub stale_ticks: u32,
-    /// Largest force that no torque of the motors explains, in torque limits of the joint.
+    /// Largest torque on a joint that the motors do not explain, in its torque limits; 5 N·m at
+    /// least.
     pub disturbance_max: f64,
     /// Where a policy may take the pan: this far from the shoulder, m, and above this height, m.
     pub workspace_radius_m: f64,
@@ -86,7 +87,7 @@ impl Default for ControllerConfig {
             joint_margin_rad: 0.05,
             hold_damping: 0.1,
             stale_ticks: 5,
-            disturbance_max: 0.5,
+            disturbance_max: 0.25,
             workspace_radius_m: 1.5,
             workspace_floor_m: -0.5,
             blend_s: 0.1,

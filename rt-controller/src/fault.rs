@@ -57,9 +57,9 @@ impl Fault {
         Fault::latching(self as u32) == Some(self)
     }
 
-    /// The measured speed is not to be trusted.
-    pub fn spoils_speed(self) -> bool {
-        self.latches() && self != Fault::UnexpectedForce
+    /// The measured positions and speeds are not to be trusted, although they are numbers.
+    pub fn spoils_joints(self) -> bool {
+        matches!(self, Fault::MeasurementStale | Fault::MeasurementInconsistent)
     }
 
     /// The latching fault with this code.
@@ -91,6 +91,21 @@ impl Fault {
             12 => "the arm does not move as its torques say",
             13 => "the pan left the workspace",
             _ => "unknown fault code",
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use shm_types::episode::MACHINE_FAULTS;
+
+    #[test]
+    fn controller_and_learner_agree_on_what_latches() {
+        for code in 0..20 {
+            let latching = Fault::latching(code);
+            assert_eq!(latching.is_some(), MACHINE_FAULTS.contains(&code.into()), "{code}");
+            assert!(latching.is_none_or(|fault| !fault.blames_policy()), "{code}");
         }
     }
 }

@@ -13,6 +13,7 @@ mod catalogue;
 mod commands;
 pub mod config;
 mod dry_run;
+mod estimate;
 mod exchange;
 pub mod fault;
 mod flight;

@@ -22,10 +22,12 @@ use crate::wrench::ArmState;
 /// Time constants of d and r, s.
 const DRIFT_WINDOW_S: f64 = 0.1;
 const FORCE_WINDOW_S: f64 = 0.02;
-/// Largest |d|, rad.
-const DRIFT_MAX: f64 = 0.02;
-/// Residual that no joint is too weak for, N·m.
-const FORCE_FLOOR: f64 = 2.0;
+/// Largest |d|, rad: a slack, and what the joint covers at its largest speed in this time, s. The
+/// integrator of the plant errs by a share of a period.
+const DRIFT_SLACK: f64 = 0.01;
+const DRIFT_SLACK_S: f64 = 0.002;
+/// Residual that no joint is too weak for, N·m: a wrist's are small, a pancake's impact is not.
+const FORCE_FLOOR: f64 = 5.0;
 /// A joint closer than this to its limit may touch its stop, rad.
 const STOP_MARGIN: f64 = 0.02;
 /// Ticks in a row with a residual beyond its limit before it is a fault.
@@ -37,7 +39,8 @@ const CLEAR_TICKS: u32 = 200;
 pub(crate) struct Monitor {
     period_s: f64,
     stale_ticks: u32,
-    /// Largest residual of each joint, N·m.
+    /// Largest d, rad, and r, N·m, of each joint.
+    drift_max: JointVector,
     force_max: JointVector,
     last: Option<Step>,
     sample: Option<u64>,
@@ -64,6 +67,7 @@ impl Monitor {
         Monitor {
             period_s: config.period_s(),
             stale_ticks: config.stale_ticks,
+            drift_max: model.limits().qd_max.map(|speed| DRIFT_SLACK + DRIFT_SLACK_S * speed),
             force_max: of_limit.map(|limit| limit.max(FORCE_FLOOR)),
             last: None,
             sample: None,
@@ -149,11 +153,15 @@ impl Monitor {
         if self.n_stale > self.stale_ticks {
             return Err(Fault::MeasurementStale);
         }
-        if self.drift.iter().any(|d| d.abs() > DRIFT_MAX) {
+        if is_beyond(&self.drift, &self.drift_max) {
             return Err(Fault::MeasurementInconsistent);
         }
-        let is_forced = (0..self.force.len()).any(|i| self.force[i].abs() > self.force_max[i]);
+        let is_forced = is_beyond(&self.force, &self.force_max);
         self.n_forced = if is_forced { self.n_forced.saturating_add(1) } else { 0 };
         if self.n_forced > FORCE_TICKS { Err(Fault::UnexpectedForce) } else { Ok(()) }
     }
+}
+
+fn is_beyond(v: &JointVector, max: &JointVector) -> bool {
+    v.iter().zip(max.iter()).any(|(x, max)| x.abs() > *max)
 }

@@ -15,6 +15,7 @@ use shm_types::episode::{
 };
 
 use crate::config::ControllerConfig;
+use crate::estimate::Estimate;
 pub use crate::fault::Fault;
 use crate::limits;
 use crate::monitor::Monitor;
@@ -40,13 +41,14 @@ pub struct Controller<'a> {
     n_executed: u32,
     n_clipped: u32,
     last_tau: JointVector,
-    last_q: JointVector,
+    estimate: Estimate,
 }
 
 #[derive(Clone, Copy)]
 struct Settings {
     posture_stiffness: f64,
     posture_damping: f64,
+    period_s: f64,
     torque_step: f64,
     speed_taper: f64,
     joint_margin_rad: f64,
@@ -73,6 +75,7 @@ impl<'a> Controller<'a> {
             settings: Settings {
                 posture_stiffness: config.posture_stiffness,
                 posture_damping: config.posture_damping,
+                period_s: config.period_s(),
                 torque_step: config.torque_rate * config.period_s(),
                 speed_taper: config.speed_taper,
                 joint_margin_rad: config.joint_margin_rad,
@@ -88,16 +91,16 @@ impl<'a> Controller<'a> {
             n_executed: 0,
             n_clipped: 0,
             last_tau: dynamics::gravity_torque(model, q0),
-            last_q: *q0,
+            estimate: Estimate { q: *q0, qd: JointVector::zeros() },
         }
     }
 
-    /// Begins a rollout: Approach, then Execute and Settle under `policy`. After a latched fault it
-    /// ends at once.
+    /// Begins a rollout: Approach, then Execute and Settle under `policy`. Not after a latched fault.
     pub fn start(&mut self, policy: &Policy, q: &JointVector) {
-        if !self.fault.latches() {
-            self.fault = Fault::None;
+        if self.fault.latches() {
+            return;
         }
+        self.fault = Fault::None;
         self.monitor.restart();
         (self.n_executed, self.n_clipped) = (0, 0);
         self.last_tau = dynamics::gravity_torque(self.model, q);
@@ -174,15 +177,14 @@ impl<'a> Controller<'a> {
         record.phase = self.rollout.phase() as u32;
         record.t_s = self.rollout.t_s();
 
-        let tau = match self.torque(measured, record) {
+        let torque = self.torque(measured, record);
+        self.locate(measured, torque.err());
+        if let Err(fault) = torque {
+            self.trip(fault);
+        }
+        let tau = match torque {
             Ok(tau) if self.fault == Fault::None => tau,
-            Ok(_) => self.hold(&measured.qd),
-            Err(fault) => {
-                self.trip(fault);
-                // Damping by a speed that is wrong would drive the arm.
-                let still = JointVector::zeros();
-                self.hold(if fault.spoils_speed() { &still } else { &measured.qd })
-            }
+            _ => self.hold(),
         };
         if matches!(self.rollout.phase(), Phase::Execute | Phase::Settle) {
             self.n_executed += 1;
@@ -212,13 +214,9 @@ impl<'a> Controller<'a> {
             return Err(Fault::MeasurementNotFinite);
         }
         let (q, qd) = (&measured.q, &measured.qd);
-        let in_control = self.check(measured);
-        if in_control.is_ok() {
-            self.last_q = *q;
-        }
         let state = ArmState::new(self.model, q, qd);
         self.monitor.observe(self.model, measured, &state)?;
-        in_control?;
+        self.check(measured)?;
         self.rollout.locate(q);
         let task = TaskState::new(&state.tip);
         record.x.copy_from_slice(task.x.as_slice());
@@ -298,12 +296,21 @@ impl<'a> Controller<'a> {
         if limits::is_finite(&tau) { Ok(tau) } else { Err(Fault::TorqueNotFinite) }
     }
 
-    /// Damped gravity hold: τ = g(q) − D q̇, with the last q that made sense. It obeys clamp and rate
-    /// like any other torque.
-    fn hold(&self, qd: &JointVector) -> JointVector {
-        let bounds = self.model.limits();
+    /// Where the arm is, as measured or, where `fault` says otherwise, as it must have gone on.
+    fn locate(&mut self, measured: &Measurement, fault: Option<Fault>) {
+        let are_numbers = limits::is_finite(&measured.q) && limits::is_finite(&measured.qd);
+        if are_numbers && !fault.is_some_and(Fault::spoils_joints) {
+            self.estimate = Estimate { q: measured.q, qd: measured.qd };
+        } else {
+            self.estimate.reckon(self.model, &self.last_tau, self.settings.period_s);
+        }
+    }
+
+    /// Damped gravity hold: τ = g(q) − D q̇. It obeys clamp and rate like any other torque.
+    fn hold(&self) -> JointVector {
+        let (bounds, Estimate { q, qd }) = (self.model.limits(), &self.estimate);
         let damping = bounds.tau_max * self.settings.hold_damping;
-        let tau = dynamics::gravity_torque(self.model, &self.last_q) - damping.component_mul(qd);
+        let tau = dynamics::gravity_torque(self.model, q) - damping.component_mul(qd);
         let (tau, _) = limits::clamp_torque(bounds, &tau);
         limits::limit_torque_rate(bounds, &self.last_tau, &tau, self.settings.torque_step).0
     }
