@@ -126,6 +126,11 @@ impl Monitor {
         &self.force
     }
 
+    /// The last sample was the one before it again.
+    pub fn is_stale(&self) -> bool {
+        self.n_stale > 0
+    }
+
     /// Nothing was found for a while.
     pub fn is_clear(&self) -> bool {
         self.n_clear >= CLEAR_TICKS

@@ -298,8 +298,11 @@ impl<'a> Controller<'a> {
 
     /// Where the arm is, as measured or, where `fault` says otherwise, as it must have gone on.
     fn locate(&mut self, measured: &Measurement, fault: Option<Fault>) {
-        let are_numbers = limits::is_finite(&measured.q) && limits::is_finite(&measured.qd);
-        if are_numbers && !fault.is_some_and(Fault::spoils_joints) {
+        let is_known = limits::is_finite(&measured.q)
+            && limits::is_finite(&measured.qd)
+            && !self.monitor.is_stale()
+            && !fault.is_some_and(Fault::spoils_joints);
+        if is_known {
             self.estimate = Estimate { q: measured.q, qd: measured.qd };
         } else {
             self.estimate.reckon(self.model, &self.last_tau, self.settings.period_s);

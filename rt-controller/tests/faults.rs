@@ -70,15 +70,20 @@ fn every_fault_is_found_soon_by_its_name_and_the_arm_is_held_within_bounds() {
         assert_eq!(controller.latched(), Some(fault), "{wrong:?} after {ticks:?} ticks");
         assert_eq!(controller.phase(), Phase::Idle, "{wrong:?}");
         let speed = (0..1000).map(|_| cycle(&mut controller)).last().unwrap();
-        assert!(speed < 0.1 || wrong == Wrong::Pushed, "{wrong:?}: still at {speed} rad/s");
+        // Where a sensor froze unnoticed for some ticks, nobody knows how fast the arm is.
+        let bound = match wrong {
+            Wrong::NotANumber | Wrong::Stale | Wrong::Stuck => 0.2,
+            _ => 6.0,
+        };
+        assert!(speed < bound || wrong == Wrong::Pushed, "{wrong:?}: still at {speed} rad/s");
         assert_eq!(controller.latched(), Some(fault), "{wrong:?}");
         controller.start(&policy, &WAM7_START_POSTURE);
         cycle(&mut controller);
         assert_eq!(controller.phase(), Phase::Idle, "{wrong:?}: no rollout before it is re-armed");
 
-        // Mended, it may be re-armed after a while, not at once; what shows in motion only, at once.
+        // Mended, it may be re-armed after a while, not at once; what shows nothing at rest, at once.
         switch.set(Wrong::Nothing);
-        if wrong != Wrong::Stuck {
+        if !matches!(wrong, Wrong::Stuck | Wrong::Pushed) {
             controller.rearm();
             assert_eq!(controller.latched(), Some(fault), "{wrong:?}: too early");
         }
@@ -239,21 +244,24 @@ fn episode(ports: &LearnerPorts) -> (EpisodeHeader, Vec<TickRecord>) {
 #[test]
 fn a_proposal_waits_for_the_rearm_and_comes_out_the_same() {
     let (model, config) = (wam(), brisk_config());
-    let proposal = PolicyMsg { session: 7, rollout: 1, policy_id: 1, ..brisk() }.sealed();
+    let proposal =
+        |rollout| PolicyMsg { session: 7, rollout, policy_id: rollout, ..brisk() }.sealed();
     for wrong in [Wrong::Stale, Wrong::Pushed, Wrong::NotANumber] {
         let (dir, switch) = (Dir::new(&format!("same-{wrong:?}")), Switch::new());
         let service = service("same", &model, &config, Pace::Max, &dir.0);
         service.run(&mut Faulty::new(&model, &config, &switch), |operator| {
             let ports = LearnerPorts::open(operator.cell, SOON, &|| false).unwrap();
-            let ask = || ports.policies.send_copy(proposal).map(|_| ()).unwrap();
-            ask();
+            let ask = |rollout| {
+                ports.policies.send_copy(proposal(rollout)).unwrap();
+            };
+            ask(1);
             let (undisturbed, path) = episode(&ports);
             assert_eq!(undisturbed.fault, 0);
             switch.set(wrong);
-            ask();
+            ask(2);
             let (cut_short, _) = episode(&ports);
             assert!(Fault::latching(cut_short.fault as u32).is_some(), "{}", cut_short.fault);
-            ask();
+            ask(2);
             operator.until("the latch", |status| status.latched_fault != 0);
             std::thread::sleep(Duration::from_millis(300)); // three heartbeats
             let mut told = 0;
