@@ -107,6 +107,17 @@ fn percentiles(p50_ns: u64, p99_ns: u64, max_ns: u64) -> serde_json::Value {
     json!({ "p50": us(p50_ns), "p99": us(p99_ns), "max": us(max_ns) })
 }
 
+/// A line about the latched fault, where there is one.
+fn held(cell: &Cell, status: &Status) -> String {
+    let Some(fault) = latched(status) else { return String::new() };
+    let (name, age_s) = (cell.name(), status.latched_ns as f64 * 1e-9);
+    let next = match status.latched_present {
+        1 => "its cause is present: mend it".to_string(),
+        _ => format!("`skillet rearm --cell {name}` when it is mended"),
+    };
+    format!("held        for {age_s:.0} s, machine fault: {fault}; {next}\n")
+}
+
 fn as_text(cell: &Cell, status: &Status, faults_dir: &Path) -> String {
     let us = |ns: u64| ns as f64 * 1e-3;
     let pace = match (status.realtime, status.privileged) {
@@ -129,14 +140,7 @@ fn as_text(cell: &Cell, status: &Status, faults_dir: &Path) -> String {
         status.in_loop.describe(),
         status.applied_tick,
     );
-    if let Some(fault) = latched(status) {
-        let (name, age_s) = (cell.name(), status.latched_ns as f64 * 1e-9);
-        let next = match status.latched_present {
-            1 => "its cause is present: mend it".to_string(),
-            _ => format!("`skillet rearm --cell {name}` when it is mended"),
-        };
-        text += &format!("held        for {age_s:.0} s, machine fault: {fault}; {next}\n");
-    }
+    text += &held(cell, status);
     text += &format!(
         "active      policy {}{}, last good: {}; {} imported, {} rollbacks\n",
         status.active.describe(),
