@@ -88,3 +88,39 @@ impl FlightRecord {
         self.ticks().last()
     }
 }
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use nalgebra::{UnitQuaternion, Vector3};
+    use physics::plant::ObjectState;
+
+    /// A record of `n` ticks, numbered from 0.
+    pub fn record_of(n: u64) -> FlightRecord {
+        let object = ObjectState {
+            p_WO: Vector3::zeros(),
+            R_WO: UnitQuaternion::identity(),
+            in_contact: false,
+        };
+        let zeros = JointVector::zeros();
+        let measured = Measurement { q: zeros, qd: zeros, object, sample: 0 };
+        let mut record = FlightRecord::new();
+        for tick in 0..n {
+            let tick = TickRecord { tick, ..TickRecord::ZERO };
+            record.push(FlightTick::new(&tick, &measured, &zeros, &zeros, 0));
+        }
+        record
+    }
+
+    #[test]
+    fn the_newest_ticks_are_kept_in_order_and_in_place() {
+        let n = FLIGHT_TICKS as u64;
+        let mut record = record_of(2 * n + 7);
+        let ticks: Vec<u64> = record.ticks().map(|tick| tick.tick).collect();
+        assert_eq!(ticks, (n + 7..2 * n + 7).collect::<Vec<_>>());
+        assert_eq!(record.last().unwrap().tick, 2 * n + 6);
+        assert_eq!(record.ticks.capacity(), FLIGHT_TICKS, "it never grows");
+        record.clear();
+        assert_eq!((record.ticks().count(), record.ticks.capacity()), (0, FLIGHT_TICKS));
+    }
+}

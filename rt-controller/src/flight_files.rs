@@ -90,3 +90,25 @@ fn cells<'a>(text: &mut String, numbers: impl Iterator<Item = &'a f64>) {
         let _ = write!(text, ",{x}");
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::flight::tests::record_of;
+
+    #[test]
+    fn the_newest_files_are_kept_also_over_a_restart() {
+        let dir = std::env::temp_dir().join(format!("skillet-flights-{}", std::process::id()));
+        fs::create_dir_all(dir.join(FAULTS_DIR)).unwrap();
+        let text = csv(&record_of(3), 7);
+        assert_eq!(text.lines().count(), 4);
+        for tick in 0..30 {
+            let path = FlightFiles::open(&dir).add(1 + tick / 10, tick);
+            fs::write(path, &text).unwrap();
+        }
+        let files = FlightFiles::open(&dir);
+        assert_eq!(files.len(), FILES_MAX);
+        assert_eq!(files.names.first().unwrap(), "00000000000000000002-000000000010.csv");
+        fs::remove_dir_all(&dir).unwrap();
+    }
+}
