@@ -36,6 +36,8 @@ pub enum Verb {
     Learner(LearnerArgs),
     /// Ask a running controller how it is
     Status(StatusArgs),
+    /// End the hold after a machine fault, once its cause is mended
+    Rearm(RearmArgs),
     /// Look at the policies of a session; put policies into a running cell, and take them back
     Policy(PolicyArgs),
     /// Write the figures and the HTML page of a session
@@ -202,6 +204,20 @@ pub struct LearnerArgs {
 #[derive(Args)]
 #[command(after_help = "Example: skillet status --cell kitchen --json")]
 pub struct StatusArgs {
+    #[command(flatten)]
+    pub cell: CellArgs,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Args)]
+#[command(after_help = "\
+Example: skillet rearm --cell kitchen
+
+After a fault of the machine the arm is held, also over a restart of the controller. `skillet status`
+names the fault; the ticks before it lie in the cell's state folder, below faults.")]
+pub struct RearmArgs {
     #[command(flatten)]
     pub cell: CellArgs,
     /// Print JSON

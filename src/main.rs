@@ -7,6 +7,7 @@ mod cli;
 mod commands;
 mod config;
 mod doctor;
+mod health;
 mod host;
 mod log;
 mod metrics;
@@ -40,6 +41,7 @@ fn main() -> ExitCode {
         Verb::Controller(args) => commands::controller::run(args),
         Verb::Learner(args) => commands::learner::run(args),
         Verb::Status(args) => commands::status::run(args),
+        Verb::Rearm(args) => commands::rearm::run(args),
         Verb::Policy(args) => commands::policy::run(args),
         Verb::Report(args) => commands::report::run(args),
         Verb::Study(args) => commands::study::run(args),

@@ -8,6 +8,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use crate::health;
 use anyhow::{Result, anyhow, bail};
 use prometheus_client::encoding::text::encode;
 use prometheus_client::metrics::counter::ConstCounter;
@@ -135,8 +136,15 @@ fn counters(status: &Status) -> [(&'static str, &'static str, u64); 10] {
     ]
 }
 
-fn gauges(status: &Status) -> [(&'static str, &'static str, f64); 8] {
+fn gauges(status: &Status) -> [(&'static str, &'static str, f64); 10] {
+    let health = f64::from(health::of(status).0 as u8);
     [
+        ("health", "0 ok, 1 degraded, 2 bad", health),
+        (
+            "latched_fault",
+            "Fault that holds the arm until re-armed, 0: none",
+            status.latched_fault as f64,
+        ),
         ("phase", "0 idle, 1 approach, 2 execute, 3 settle", status.phase as f64),
         ("fault", "Fault of the last tick, 0: none", status.fault as f64),
         ("pinned", "1 while a pinned policy is served", status.pinned as f64),

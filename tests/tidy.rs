@@ -106,8 +106,19 @@ fn the_arm_knows_no_simulator_and_the_hot_path_no_ports() {
     for file in users_of("rapier") {
         assert!(!file.starts_with("physics/src/arm/"), "{file} names Rapier");
     }
-    let hot =
-        ["tick.rs", "policy.rs", "blend.rs", "rollout.rs", "wrench.rs", "limits.rs", "task.rs"];
+    let hot = [
+        "tick.rs",
+        "policy.rs",
+        "blend.rs",
+        "rollout.rs",
+        "wrench.rs",
+        "limits.rs",
+        "task.rs",
+        "monitor.rs",
+        "measured.rs",
+        "latch.rs",
+        "estimate.rs",
+    ];
     for word in ["iceoryx2", "shm_types::ports", "shm_types::channel", "tracing::", "Box<", "Vec<"]
     {
         for file in users_of(word) {

@@ -44,6 +44,8 @@ pub enum CompleteError {
     NotExecuted { rollout: u64, reason: &'static str },
     #[error("another policy was swapped into rollout {rollout}")]
     Swapped { rollout: u64 },
+    #[error("rollout {rollout} was cut short by a fault of the machine")]
+    MachineFault { rollout: u64 },
     #[error(transparent)]
     Tell(#[from] TellError),
     #[error(transparent)]

@@ -12,7 +12,7 @@ use std::path::Path;
 
 use shm_types::episode::{
     EpisodeHeader, FAULT_APPROACH_TIMEOUT, FAULT_OVERRUN, FAULT_POLICY_REFUSED, FAULT_SWAPPED,
-    OutcomeMsg, TickRecord,
+    MACHINE_FAULTS, OutcomeMsg, TickRecord,
 };
 use shm_types::policy::PolicyMsg;
 
@@ -121,6 +121,9 @@ impl Learner {
         let records = header.validate(records)?;
         if header.fault == FAULT_SWAPPED {
             return Err(CompleteError::Swapped { rollout: header.rollout });
+        }
+        if MACHINE_FAULTS.contains(&header.fault) {
+            return Err(CompleteError::MachineFault { rollout: header.rollout });
         }
         if let Some(reason) = not_executed(header.fault) {
             return Err(CompleteError::NotExecuted { rollout: header.rollout, reason });
@@ -297,7 +300,7 @@ impl Learner {
     }
 }
 
-/// Why an episode with this fault is no trial: the policy was never tried. Faults during the
+/// Why an episode with this fault is no trial: the policy was never tried. Other faults during the
 /// rollout are the policy's doing and are rewarded like anything else it does.
 fn not_executed(fault: u64) -> Option<&'static str> {
     match fault {

@@ -44,6 +44,9 @@ pub enum Event {
     ControllerBack,
     /// The controller serves a pinned policy, and what was asked for waits; or does no more.
     Pinned(bool),
+    /// The arm is held after this fault of the machine, and what was asked for waits until it is
+    /// re-armed; or, 0, it no longer is.
+    Held(u64),
     /// The rollout gave no usable episode: stored and counted, not learnt.
     SetAside {
         rollout: u64,
@@ -119,6 +122,8 @@ struct Link {
     heard: Instant,
     is_silent: bool,
     is_pinned: bool,
+    /// Fault after which the arm is held, or 0.
+    latched: u64,
     set_aside_in_a_row: u32,
 }
 
@@ -134,6 +139,7 @@ impl Link {
             heard: now,
             is_silent: false,
             is_pinned: false,
+            latched: 0,
             set_aside_in_a_row: 0,
         }
     }
@@ -171,9 +177,12 @@ impl Link {
                         return Ok(Some(report));
                     }
                     Err(CompleteError::Learner(error)) => return Err(error.into()),
-                    // An operator's doing, as often as he likes: no attempt of ours.
-                    Err(swapped @ CompleteError::Swapped { rollout }) => {
-                        on_event(Event::AskedAgain { rollout, reason: swapped.to_string() });
+                    // An operator's or the machine's doing, as often as it comes: no attempt of ours.
+                    Err(
+                        no_trial @ (CompleteError::Swapped { rollout }
+                        | CompleteError::MachineFault { rollout }),
+                    ) => {
+                        on_event(Event::AskedAgain { rollout, reason: no_trial.to_string() });
                         self.publish(policy)?;
                         asked = Instant::now();
                     }
@@ -202,7 +211,7 @@ impl Link {
                 return Ok(None);
             }
             let restarted = self.look_around(on_event)?;
-            if self.is_pinned {
+            if self.is_pinned || self.latched != 0 {
                 asked = Instant::now(); // it waits for its turn
             }
             let reason = match (restarted, asked.elapsed() >= ROLLOUT && !self.is_silent) {
@@ -260,6 +269,7 @@ impl Link {
                 boot_id: u64::from(std::process::id()),
                 counter: self.beat_counter,
                 pinned: 0,
+                latched: 0,
             };
             // Nobody listening is what the controller's own silence will tell.
             let _ = self.ports.beat.send_copy(beat);
@@ -270,10 +280,13 @@ impl Link {
             // A service manager that does not listen will notice by itself.
             let _ = sd_notify::notify(false, &[NotifyState::Watchdog]);
         }
-        let was_pinned = self.is_pinned;
+        let before = (self.is_pinned, self.latched);
         restarted |= self.hear(now);
-        if self.is_pinned != was_pinned {
+        if self.is_pinned != before.0 {
             on_event(Event::Pinned(self.is_pinned));
+        }
+        if self.latched != before.1 {
+            on_event(Event::Held(self.latched));
         }
         let silence = now - self.heard;
         if silence >= SILENT && !self.is_silent {
@@ -294,7 +307,7 @@ impl Link {
             }
             restarted |= self.controller.is_some_and(|last| last.boot_id != beat.boot_id);
             self.controller = Some(*beat);
-            self.is_pinned = beat.pinned == 1;
+            (self.is_pinned, self.latched) = (beat.pinned == 1, beat.latched);
             self.heard = now;
         }
         restarted

@@ -18,13 +18,14 @@ pub struct IdealArm<'a> {
     q: JointVector,
     qd: JointVector,
     tau: JointVector,
+    sample: u64,
 }
 
 impl<'a> IdealArm<'a> {
     /// At rest at `q0` (rad), an object of `height_m` lying in the middle of the pan.
     pub fn new(model: &'a ArmModel, q0: &JointVector, period_s: f64, height_m: f64) -> Self {
         let still = JointVector::zeros();
-        IdealArm { model, q0: *q0, period_s, height_m, q: *q0, qd: still, tau: still }
+        IdealArm { model, q0: *q0, period_s, height_m, q: *q0, qd: still, tau: still, sample: 0 }
     }
 }
 
@@ -38,7 +39,7 @@ impl Plant for IdealArm<'_> {
         let X_WO: Isometry3<f64> = kinematics::tip_pose(self.model, &self.q) * X_PO;
         let object =
             ObjectState { p_WO: X_WO.translation.vector, R_WO: X_WO.rotation, in_contact: true };
-        Measurement { q: self.q, qd: self.qd, object }
+        Measurement { q: self.q, qd: self.qd, object, sample: self.sample }
     }
 
     fn apply(&mut self, tau: &JointVector) {
@@ -52,6 +53,7 @@ impl Plant for IdealArm<'_> {
             self.qd += M.solve(&torque) * self.period_s;
             self.q += self.qd * self.period_s;
         }
+        self.sample += 1;
     }
 }
 

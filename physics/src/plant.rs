@@ -26,6 +26,9 @@ pub struct Measurement {
     pub qd: JointVector,
     /// The tracked object.
     pub object: ObjectState,
+    /// Counts the samples that were really taken: another number is a new sample, the same number
+    /// the old one again.
+    pub sample: u64,
 }
 
 /// A torque-controlled arm and its surroundings, simulated or real.

@@ -13,6 +13,7 @@ use crate::admission::{Action, admit_action};
 use crate::config::Pace;
 use crate::exchange::Setup;
 use crate::fault::Fault;
+use crate::latch::Latch;
 use crate::recording::Recording;
 use crate::rollout::Phase;
 use crate::rt::now_ns;
@@ -39,7 +40,7 @@ pub fn run_action<W: ActionWorld>(
         let n_records = path.len().min(MAX_RECORDS);
         Ok(((action, path), n_records))
     };
-    let never = AtomicBool::new(false);
+    let (never, no_machine) = (AtomicBool::new(false), Latch::new());
     let setup = Setup {
         admit: &admit,
         // There is no torque and no way to come to harm.
@@ -48,6 +49,8 @@ pub fn run_action<W: ActionWorld>(
         record_ns: PERIOD_NS,
         pace: Pace::Max,
         privileged: &never,
+        latch: &no_machine,
+        n_joints: 0,
         can_swap: false,
         blend_ticks: 0,
         // An immediate world without a learner would repeat itself as fast as it can.
@@ -63,7 +66,7 @@ type Throw = (Action, Vec<Vector3<f64>>);
 fn execute<W: ActionWorld>(mut ends: Ends<Throw>, world: &W, stop: &AtomicBool) {
     let mut tick = 0;
     while !stop.load(Ordering::Relaxed) {
-        let Ok(Job { policy: throw, mut episode, swap }) = ends.jobs.pop() else {
+        let Ok(Job { policy: throw, mut episode, swap, .. }) = ends.jobs.pop() else {
             std::thread::sleep(IDLE_SLEEP);
             continue;
         };

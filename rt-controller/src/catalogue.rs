@@ -83,7 +83,7 @@ impl Catalogue {
         // Admission has validated it, which is all that can fail here.
         let text = policy_json::to_json(&policy).unwrap_or_default();
         tracing::info!(policy = id, "policy imported");
-        Ok(self.order(&format!("policies/{id}.json"), text))
+        Ok(self.order(format!("policies/{id}.json"), text))
     }
 
     /// The policy with this digest, or none.
@@ -114,8 +114,8 @@ impl Catalogue {
         self.order(STATE_FILE, text.unwrap_or_default())
     }
 
-    /// `None` where nothing is kept.
-    fn order(&mut self, name: &str, text: String) -> Option<u64> {
+    /// Orders `text` to be put into a file of the folder; `None` where nothing is kept.
+    pub fn order(&mut self, name: impl AsRef<Path>, text: String) -> Option<u64> {
         match (&mut self.keeper, &self.dir) {
             (Some(keeper), Some(dir)) => Some(keeper.order(dir.join(name), text)),
             _ => None,

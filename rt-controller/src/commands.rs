@@ -8,8 +8,9 @@ use std::sync::Arc;
 
 use shm_types::channel::CommandRequest;
 use shm_types::command::{
-    COMMAND_ACTIVATE, COMMAND_ALLOW, COMMAND_FORBID, COMMAND_IMPORT, COMMAND_PIN, COMMAND_ROLLBACK,
-    COMMAND_STATUS, COMMAND_STOP, COMMAND_UNPIN, Command, CommandError, LAST_GOOD, Reply, Status,
+    COMMAND_ACTIVATE, COMMAND_ALLOW, COMMAND_FORBID, COMMAND_IMPORT, COMMAND_PIN, COMMAND_REARM,
+    COMMAND_ROLLBACK, COMMAND_STATUS, COMMAND_STOP, COMMAND_UNPIN, Command, CommandError,
+    LAST_GOOD, Reply,
 };
 use shm_types::policy::PolicyName;
 use thiserror::Error;
@@ -17,6 +18,7 @@ use thiserror::Error;
 use crate::admission::AdmissionError;
 use crate::catalogue::CatalogueError;
 use crate::exchange::{Exchange, KNOWN};
+use crate::fault::Fault;
 use crate::state_file::Remember;
 use crate::swap::{Applied, Served, SwapRefused};
 
@@ -36,6 +38,12 @@ pub(crate) enum Refusal {
     Swap(#[from] SwapRefused),
     #[error("the rollout ended before policy {0} acted: {1}")]
     Abandoned(String, &'static str),
+    #[error("the arm is held after a machine fault ({0}): `skillet rearm` first")]
+    Latched(&'static str),
+    #[error("nothing is latched: there is nothing to re-arm")]
+    NothingLatched,
+    #[error("{0}: still so, or a moment ago; mend it, wait a second and try again")]
+    StillPresent(&'static str),
     #[error("the cell's state cannot be saved ({0}): free space or mend permissions, then repeat")]
     NotKept(String),
 }
@@ -48,6 +56,8 @@ enum Outcome {
     Applied(u64),
     /// Answered when this is on disk.
     Kept(u64),
+    /// Answered when the loop has said whether it is re-armed.
+    Rearmed,
     Stop,
 }
 
@@ -115,7 +125,7 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
             let command: Command = *request;
             let Some(request) = self.commands.unless_repeated(request) else { continue };
             match self.carry_out(&command) {
-                Ok(outcome @ (Outcome::Applied(_) | Outcome::Kept(_))) => {
+                Ok(outcome @ (Outcome::Applied(_) | Outcome::Kept(_) | Outcome::Rearmed)) => {
                     self.commands.waiting.push(Waiting { request, outcome });
                 }
                 Ok(outcome) => {
@@ -151,10 +161,18 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
                 kept(ticket)
             }
             COMMAND_ACTIVATE => {
+                self.expect_armed()?;
                 let policy = self.servable(id)?;
                 Outcome::Applied(self.serving.activate(policy, at)?)
             }
-            COMMAND_ROLLBACK => Outcome::Applied(self.serving.rollback(at)?),
+            COMMAND_ROLLBACK => {
+                self.expect_armed()?;
+                Outcome::Applied(self.serving.rollback(at)?)
+            }
+            COMMAND_REARM => {
+                self.rearm()?;
+                Outcome::Rearmed
+            }
             COMMAND_PIN | COMMAND_UNPIN => {
                 self.serving.pin(command.kind == COMMAND_PIN)?;
                 kept(self.remember())
@@ -200,6 +218,7 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
             active: self.serving.active().map(|active| active.name()),
             last_good: self.serving.last_good().map(|good| &good.message),
             pinned: self.serving.is_pinned(),
+            latched: self.latched,
         })
     }
 
@@ -220,6 +239,25 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
     pub(crate) fn answer_abandoned(&mut self, seq: u64, policy: PolicyName, why: &'static str) {
         for request in self.commands.waiting_for(&Outcome::Applied(seq)) {
             self.refuse(request, &Refusal::Abandoned(policy.describe(), why));
+        }
+    }
+
+    /// The loop has answered: what is re-armed is told when that is on disk.
+    pub(crate) fn answer_rearmed(&mut self, rearmed: Result<Option<u64>, Fault>) {
+        for request in self.commands.waiting_for(&Outcome::Rearmed) {
+            match rearmed {
+                Ok(Some(ticket)) => {
+                    self.commands.waiting.push(Waiting { request, outcome: Outcome::Kept(ticket) });
+                }
+                Ok(None) => {
+                    let reply = Reply::accepted(request.id, self.status());
+                    self.commands.answer(request, reply);
+                }
+                Err(fault) => {
+                    let why = Fault::describe(fault as u32);
+                    self.refuse(request, &Refusal::StillPresent(why));
+                }
+            }
         }
     }
 
@@ -244,46 +282,6 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
             COMMAND_IMPORT => self.catalogue.numbered(command.policy.digest),
             COMMAND_FORBID | COMMAND_ALLOW => self.catalogue.name(command.policy_id),
             _ => self.serving.served().map_or(PolicyName::NONE, |served| served.name()),
-        }
-    }
-
-    fn status(&self) -> Status {
-        let (wakeup, tick) = (self.report.stats.wakeup(), self.report.stats.tick());
-        let name = |served: Option<&Arc<Served<P>>>| served.map_or(PolicyName::NONE, |s| s.name());
-        Status {
-            boot_id: self.boot_id,
-            tick: self.report.last.tick,
-            // Without the wall clock nothing ticks between rollouts: the last tick is no news.
-            phase: if self.in_flight.is_some() { u64::from(self.report.last.phase) } else { 0 },
-            fault: u64::from(self.report.last.fault),
-            period_ns: self.setup.period_ns,
-            realtime: u64::from(self.setup.is_realtime()),
-            privileged: u64::from(self.setup.is_privileged()),
-            in_loop: self.in_loop,
-            applied_tick: self.applied_tick,
-            active: name(self.serving.active()),
-            last_good: name(self.serving.last_good()),
-            pinned: u64::from(self.serving.is_pinned()),
-            imported: self.catalogue.len() as u64,
-            rollouts_done: self.rollouts,
-            rollouts_served: self.served,
-            swaps_applied: self.serving.applied,
-            swaps_torn: self.serving.torn,
-            policies_refused: self.refused,
-            commands_refused: self.commands.refused,
-            rollbacks: self.serving.rollbacks,
-            state_errors: self.catalogue.errors,
-            spooled: self.spool.as_ref().map_or(0, |spool| spool.len() as u64),
-            spool_full: u64::from(self.spool.as_ref().is_some_and(|spool| spool.is_full())),
-            unacknowledged: self.link.unacknowledged(),
-            learner_age_ns: self.link.age().map_or(u64::MAX, |age| age.as_nanos() as u64),
-            deadline_misses: self.report.stats.missed,
-            wakeup_p50_ns: wakeup.p50,
-            wakeup_p99_ns: wakeup.p99,
-            wakeup_max_ns: wakeup.max,
-            tick_p50_ns: tick.p50,
-            tick_p99_ns: tick.p99,
-            tick_max_ns: tick.max,
         }
     }
 }

@@ -49,6 +49,14 @@ pub struct ControllerConfig {
     pub joint_margin_rad: f64,
     /// Damping of the fall-back hold, in torque limits per (rad/s).
     pub hold_damping: f64,
+    /// Ticks in a row without a new sample that are let pass.
+    pub stale_ticks: u32,
+    /// Largest torque on a joint that the motors do not explain, in its torque limits; 5 N·m at
+    /// least.
+    pub disturbance_max: f64,
+    /// Where a policy may take the pan: this far from the shoulder, m, and above this height, m.
+    pub workspace_radius_m: f64,
+    pub workspace_floor_m: f64,
     /// A policy that is swapped in during a rollout takes over within this time, s.
     pub blend_s: f64,
     /// What to do while nobody asks for anything.
@@ -78,6 +86,10 @@ impl Default for ControllerConfig {
             speed_taper: 0.9,
             joint_margin_rad: 0.05,
             hold_damping: 0.1,
+            stale_ticks: 5,
+            disturbance_max: 0.25,
+            workspace_radius_m: 1.5,
+            workspace_floor_m: -0.5,
             blend_s: 0.1,
             alone: Alone::Serve,
             alone_after_s: 2.0,
@@ -111,6 +123,10 @@ impl ControllerConfig {
             ("speed_taper", self.speed_taper, 0.1, 0.99),
             ("joint_margin_rad", self.joint_margin_rad, 1e-3, 0.5),
             ("hold_damping", self.hold_damping, 0.0, 1.0),
+            ("stale_ticks", f64::from(self.stale_ticks), 1.0, 1000.0),
+            ("disturbance_max", self.disturbance_max, 0.01, 1000.0),
+            ("workspace_radius_m", self.workspace_radius_m, 0.1, 100.0),
+            ("workspace_floor_m", self.workspace_floor_m, -100.0, 100.0),
             ("blend_s", self.blend_s, 0.0, 2.0),
             ("alone_after_s", self.alone_after_s, 0.5, 3600.0),
             ("dry_run_clipped", self.dry_run_clipped, 0.0, 1.0),

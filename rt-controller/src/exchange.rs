@@ -14,6 +14,9 @@ use crate::admission::AdmissionError;
 use crate::catalogue::Catalogue;
 use crate::commands::Commands;
 use crate::config::Pace;
+use crate::fault::Fault;
+use crate::flight_files::FlightFiles;
+use crate::latch::{Latch, Latched};
 use crate::learner_link::LearnerLink;
 use crate::loop_report::LoopReport;
 use crate::run::RunSummary;
@@ -46,6 +49,8 @@ pub(crate) struct Setup<'a, P> {
     pub record_ns: u64,
     pub pace: Pace,
     pub privileged: &'a AtomicBool,
+    pub latch: &'a Latch,
+    pub n_joints: usize,
     /// A policy can be exchanged within a rollout, and takes over within so many ticks.
     pub can_swap: bool,
     pub blend_ticks: u64,
@@ -82,6 +87,10 @@ pub(crate) struct Exchange<'a, P> {
     pub(crate) catalogue: Catalogue,
     /// Where there is a state folder.
     pub(crate) spool: Option<Spool>,
+    pub(crate) flights: Option<FlightFiles>,
+    /// The machine fault that holds the arm, and whether the loop was asked to re-arm.
+    pub(crate) latched: Option<Latched>,
+    pub(crate) is_rearming: bool,
     pub(crate) commands: Commands,
     pub(crate) link: LearnerLink,
     /// Newest first.
@@ -115,6 +124,12 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
     ) -> Result<Exchange<'a, P>, StateError> {
         let catalogue = Catalogue::open(setup.state)?;
         let serving = restore(&setup, catalogue.left());
+        let (flights, latched) = (setup.state.map(FlightFiles::open), catalogue.left().latched);
+        if let Some(Latched { fault, .. }) = latched {
+            setup.latch.restore(fault);
+            let why = Fault::describe(fault as u32);
+            tracing::error!("machine fault of an earlier run: {why}; the arm is held");
+        }
         let spool = setup.state.map(|dir| open_spool(&dir.join("spool"))).transpose()?;
         Ok(Exchange {
             ports,
@@ -124,6 +139,9 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
             serving,
             catalogue,
             spool,
+            flights,
+            latched,
+            is_rearming: false,
             commands: Commands::new(),
             link: LearnerLink::new(),
             known: Vec::new(),
@@ -151,6 +169,8 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
             self.active = false;
             self.report.drain(&self.ports);
             self.serving.passed(self.report.last.tick, self.in_flight.is_some());
+            self.watch_latch();
+            self.take_flights();
             self.take_applied();
             self.take_done();
             self.take_spooled();
@@ -209,7 +229,9 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
         self.beat_counter += 1;
         let (boot_id, counter) = (self.boot_id, self.beat_counter);
         let pinned = u64::from(self.serving.is_pinned());
-        let _ = self.ports.beat.send_copy(Heartbeat { schema: SCHEMA, boot_id, counter, pinned });
+        let latched = self.setup.latch.fault().unwrap_or(Fault::None) as u64;
+        let beat = Heartbeat { schema: SCHEMA, boot_id, counter, pinned, latched };
+        let _ = self.ports.beat.send_copy(beat);
     }
 
     /// Hands a swap into the rollout in progress.

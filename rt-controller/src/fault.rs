@@ -1,7 +1,9 @@
 //! Faults: why the arm is held instead of driven.
 
 use shm_types::episode::{
-    FAULT_APPROACH_TIMEOUT, FAULT_OVERRUN, FAULT_POLICY_REFUSED, FAULT_SWAPPED,
+    FAULT_APPROACH_TIMEOUT, FAULT_MEASUREMENT_INCONSISTENT, FAULT_MEASUREMENT_NOT_FINITE,
+    FAULT_MEASUREMENT_STALE, FAULT_OVERRUN, FAULT_POLICY_REFUSED, FAULT_SWAPPED,
+    FAULT_UNEXPECTED_FORCE,
 };
 
 /// Why a tick fell back to damped gravity hold.
@@ -10,7 +12,7 @@ use shm_types::episode::{
 pub enum Fault {
     None = 0,
     /// A measured position or speed, of a joint or of the object, is not a number.
-    MeasurementNotFinite = 1,
+    MeasurementNotFinite = FAULT_MEASUREMENT_NOT_FINITE as u32,
     /// A joint is far beyond its position limit.
     JointOutOfRange = 2,
     /// A joint is far beyond its speed limit.
@@ -27,19 +29,48 @@ pub enum Fault {
     Swapped = FAULT_SWAPPED as u32,
     /// The host missed too many deadlines in a row.
     Overrun = FAULT_OVERRUN as u32,
+    /// No new sample came for too many ticks.
+    MeasurementStale = FAULT_MEASUREMENT_STALE as u32,
+    /// Measured positions and speeds contradict each other.
+    MeasurementInconsistent = FAULT_MEASUREMENT_INCONSISTENT as u32,
+    /// The arm does not move as its torques say: it is stuck, pushed, or measured wrongly.
+    UnexpectedForce = FAULT_UNEXPECTED_FORCE as u32,
+    /// The pan left the workspace under a policy.
+    OutOfWorkspace = 13,
 }
 
 impl Fault {
     /// The policy that was executed may be to blame, as far as anybody can tell.
     pub fn blames_policy(self) -> bool {
-        !matches!(
+        matches!(
             self,
-            Fault::None
-                | Fault::ApproachTimeout
-                | Fault::PolicyRefused
-                | Fault::Swapped
-                | Fault::Overrun
+            Fault::JointOutOfRange
+                | Fault::Overspeed
+                | Fault::Singular
+                | Fault::TorqueNotFinite
+                | Fault::OutOfWorkspace
         )
+    }
+
+    /// The machine's own fault: it latches, the arm is held until somebody re-arms it.
+    pub fn latches(self) -> bool {
+        Fault::latching(self as u32) == Some(self)
+    }
+
+    /// The measured positions and speeds are not to be trusted, although they are numbers.
+    pub fn spoils_joints(self) -> bool {
+        matches!(self, Fault::MeasurementStale | Fault::MeasurementInconsistent)
+    }
+
+    /// The latching fault with this code.
+    pub fn latching(code: u32) -> Option<Fault> {
+        let all = [
+            Fault::MeasurementNotFinite,
+            Fault::MeasurementStale,
+            Fault::MeasurementInconsistent,
+            Fault::UnexpectedForce,
+        ];
+        all.into_iter().find(|fault| *fault as u32 == code)
     }
 
     /// What a person reads in place of a code.
@@ -55,7 +86,26 @@ impl Fault {
             7 => "the policy was refused",
             8 => "another policy was swapped in",
             9 => "too many deadlines in a row were missed",
+            10 => "the measurement is stale",
+            11 => "measured positions and speeds contradict each other",
+            12 => "the arm does not move as its torques say",
+            13 => "the pan left the workspace",
             _ => "unknown fault code",
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use shm_types::episode::MACHINE_FAULTS;
+
+    #[test]
+    fn controller_and_learner_agree_on_what_latches() {
+        for code in 0..20 {
+            let latching = Fault::latching(code);
+            assert_eq!(latching.is_some(), MACHINE_FAULTS.contains(&code.into()), "{code}");
+            assert!(latching.is_none_or(|fault| !fault.blames_policy()), "{code}");
         }
     }
 }

@@ -64,7 +64,8 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
     fn proposal_ended(&mut self, in_flight: InFlight<P>, mut done: Done) {
         let name = in_flight.served.name();
         // Whatever happened after a swap is not the proposal's doing.
-        let fault = if in_flight.swapped { Fault::Swapped } else { done.fault };
+        let is_swapped = in_flight.swapped && !done.fault.latches();
+        let fault = if is_swapped { Fault::Swapped } else { done.fault };
         *done.episode.user_header_mut() = EpisodeHeader {
             applied_tick: done.recording.applied_tick,
             applied_ns: done.recording.applied_ns,
@@ -85,8 +86,10 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
             self.remember();
         }
         match &mut self.spool {
-            // A proposal with a swap in it is asked for again, whatever it did.
-            Some(spool) if fault != Fault::Swapped => spool.store(name, done.episode),
+            // A proposal that is no trial is asked for again, whatever it did.
+            Some(spool) if fault != Fault::Swapped && !fault.latches() => {
+                spool.store(name, done.episode)
+            }
             _ => self.send(name, done.episode),
         }
     }
@@ -177,7 +180,7 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
 
     /// Hands the next rollout to the loop, with memory for its records.
     pub(crate) fn hand_over(&mut self) {
-        if self.in_flight.is_some() {
+        if self.in_flight.is_some() || self.latched.is_some() {
             return;
         }
         let alone = self.setup.alone_after.is_some_and(|after| self.link.is_absent(after));
@@ -265,7 +268,7 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
         is_proposal: bool,
     ) {
         self.active = true;
-        let job = Job { policy: served.policy.clone(), episode, swap };
+        let job = Job { policy: served.policy.clone(), episode, swap, is_experiment: is_proposal };
         // Never full: one rollout is in flight at a time.
         let _ = self.ends.jobs.push(job);
         self.in_flight = Some(InFlight { served, is_proposal, swapped: false });

@@ -169,6 +169,11 @@ impl Rollout {
         self.q_now = *q;
     }
 
+    /// From now on Idle holds the arm where it is.
+    pub fn stay(&mut self) {
+        self.enter(Phase::Idle);
+    }
+
     /// Ends the tick.
     pub fn advance(&mut self, faulted: bool) {
         self.ticks = self.ticks.saturating_add(1);

@@ -14,6 +14,8 @@ use shm_types::telemetry::TelemetryTick;
 
 use crate::config::ControllerConfig;
 use crate::fault::Fault;
+use crate::flight::{FlightRecord, FlightTick};
+use crate::latch::Latch;
 use crate::outcome_message::outcome_message;
 use crate::policy::Policy;
 use crate::recording::Recording;
@@ -32,6 +34,7 @@ struct Running {
     recording: Recording,
     /// The swap that it fulfils, until acknowledged.
     swap: Option<u64>,
+    is_experiment: bool,
 }
 
 pub(crate) struct RtLoop<'a, P: Plant> {
@@ -40,28 +43,39 @@ pub(crate) struct RtLoop<'a, P: Plant> {
     ends: Ends<Policy>,
     running: Option<Running>,
     undelivered: Option<Done>,
+    latch: &'a Latch,
+    flight: Box<FlightRecord>,
     /// Takes the ticks outside Execute and Settle.
     scratch: TickRecord,
     record_stride: usize,
     overruns_max: u32,
+    period: Duration,
 }
 
 impl<'a, P: Plant> RtLoop<'a, P> {
     pub fn new(
-        controller: Controller<'a>,
+        mut controller: Controller<'a>,
         plant: &'a mut P,
         ends: Ends<Policy>,
+        latch: &'a Latch,
         config: &ControllerConfig,
     ) -> RtLoop<'a, P> {
+        // A restart does not re-arm.
+        if let Some(fault) = latch.fault() {
+            controller.trip(fault);
+        }
         RtLoop {
             controller,
             plant,
             ends,
             running: None,
             undelivered: None,
+            latch,
+            flight: Box::new(FlightRecord::new()),
             scratch: TickRecord::ZERO,
             record_stride: config.record_stride(),
             overruns_max: config.overruns_max,
+            period: Duration::from_nanos(config.period_ns()),
         }
     }
 
@@ -81,9 +95,14 @@ impl<'a, P: Plant> RtLoop<'a, P> {
         while !stop.load(Ordering::Relaxed) {
             self.begin_if_asked();
             self.swap_if_asked();
-            if self.running.is_none() {
-                std::thread::sleep(IDLE_SLEEP);
-                continue;
+            match (&self.running, self.controller.latched()) {
+                (Some(_), _) => {}
+                // A held arm is watched: whether it may be re-armed is seen in its ticks.
+                (None, Some(_)) => std::thread::sleep(self.period),
+                (None, None) => {
+                    std::thread::sleep(IDLE_SLEEP);
+                    continue;
+                }
             }
             self.cycle(Wake::UNPACED);
         }
@@ -96,12 +115,20 @@ impl<'a, P: Plant> RtLoop<'a, P> {
         if let Some(done) = self.undelivered.take() {
             self.deliver(done);
         }
+        if self.controller.latched().is_some() {
+            return;
+        }
         if let Ok(job) = self.ends.jobs.pop() {
             // A simulator builds a fresh world here; a robot does nothing.
             self.plant.reset();
             self.controller.start(&job.policy, &self.plant.measure().q);
             let recording = Recording::new(self.record_stride);
-            self.running = Some(Running { episode: job.episode, recording, swap: job.swap });
+            self.running = Some(Running {
+                episode: job.episode,
+                recording,
+                swap: job.swap,
+                is_experiment: job.is_experiment,
+            });
         }
     }
 
@@ -139,6 +166,7 @@ impl<'a, P: Plant> RtLoop<'a, P> {
         });
         let record = record.unwrap_or(&mut self.scratch);
 
+        let fault_before = self.controller.fault();
         let start = Instant::now();
         let tau = self.controller.tick(&measured, record);
         let tick_ns = start.elapsed().as_nanos() as u64;
@@ -153,8 +181,14 @@ impl<'a, P: Plant> RtLoop<'a, P> {
             q: record.q,
             tau: record.tau,
         });
+        let force = self.controller.unexplained_force();
+        self.flight.push(FlightTick::new(record, &measured, force, &tau, wake.late_ns));
+        if record.fault != fault_before as u32 {
+            self.hand_over_flight();
+        }
 
         self.plant.apply(&tau);
+        self.latch.follow(&mut self.controller);
         if let Some((seq, tick, at_ns)) = fulfilled {
             self.acknowledge(seq, tick, at_ns);
         }
@@ -168,6 +202,21 @@ impl<'a, P: Plant> RtLoop<'a, P> {
                 fault: self.controller.fault(),
                 outcome: outcome_message(&self.controller),
             });
+        }
+    }
+
+    /// Hands the flight record over after a fault. That of an experiment's own fault is not worth
+    /// one: its episode holds these ticks. Where no spare box is, the ticks go on into this one.
+    fn hand_over_flight(&mut self) {
+        let fault = self.controller.fault();
+        let is_experiment = self.running.as_ref().is_some_and(|running| running.is_experiment);
+        if !fault.latches() && (is_experiment || !fault.blames_policy()) {
+            return;
+        }
+        if let Ok(spare) = self.ends.spare_flights.pop() {
+            let full = std::mem::replace(&mut self.flight, spare);
+            // Never full: there are two boxes.
+            let _ = self.ends.flights.push(full);
         }
     }
 

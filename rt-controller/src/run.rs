@@ -17,6 +17,7 @@ use crate::admission::{admit, records_needed};
 use crate::config::{Alone, ControllerConfig, ControllerConfigError, Pace};
 use crate::dry_run::dry_run;
 use crate::exchange::Setup;
+use crate::latch::Latch;
 use crate::rt::{self, Clock};
 use crate::rt_loop::RtLoop;
 use crate::serve::serve;
@@ -97,6 +98,7 @@ pub fn run<P: Plant>(
         Ok((policy, n_records))
     };
     let privileged = AtomicBool::new(false);
+    let latch = Latch::new();
     let alone_after = Duration::from_secs_f64(config.alone_after_s);
     let setup = Setup {
         admit: &admit,
@@ -105,6 +107,8 @@ pub fn run<P: Plant>(
         record_ns: config.period_ns() * config.record_stride() as u64,
         pace,
         privileged: &privileged,
+        latch: &latch,
+        n_joints: model.n_joints(),
         can_swap: true,
         blend_ticks: config.blend_ticks().into(),
         alone_after: (config.alone == Alone::Serve).then_some(alone_after),
@@ -112,7 +116,7 @@ pub fn run<P: Plant>(
     };
     serve(cell, setup, stop, |ends| {
         let controller = Controller::new(model, &q0, config, &outcome);
-        let rt_loop = RtLoop::new(controller, plant, ends, config);
+        let rt_loop = RtLoop::new(controller, plant, ends, &latch, config);
         match pace {
             Pace::Realtime => {
                 let granted = rt::acquire(config.priority, config.cpu);

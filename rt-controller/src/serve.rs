@@ -12,6 +12,7 @@ use shm_types::telemetry::TelemetryTick;
 
 use crate::exchange::{Exchange, Setup};
 use crate::fault::Fault;
+use crate::flight::FlightRecord;
 use crate::loop_report::LoopReport;
 use crate::recording::Recording;
 use crate::rt::Raised;
@@ -22,6 +23,8 @@ use crate::swap::Applied;
 const TELEMETRY_RING: usize = 4096;
 /// One swap and one rollout are under way at a time; the rings have room to spare.
 const SWAP_RING: usize = 4;
+/// Boxes for flight records: one in the loop, one on its way.
+const FLIGHT_RING: usize = 2;
 
 /// SCHED_FIFO priority of the exchange thread beside a loop in real time.
 const EXCHANGE_PRIORITY: u8 = 1;
@@ -32,6 +35,8 @@ pub(crate) struct Job<P> {
     pub episode: EpisodeLoan,
     /// The swap that it fulfils, to be acknowledged when the policy acts.
     pub swap: Option<u64>,
+    /// A learner's proposal: a fault in it is its episode's matter.
+    pub is_experiment: bool,
 }
 
 /// A policy for the rollout in progress.
@@ -55,6 +60,8 @@ pub(crate) struct Ends<P> {
     pub applied: Producer<Applied<P>>,
     pub done: Producer<Done>,
     pub telemetry: Producer<TelemetryTick>,
+    pub flights: Producer<Box<FlightRecord>>,
+    pub spare_flights: Consumer<Box<FlightRecord>>,
 }
 
 /// The exchange thread's ends.
@@ -63,6 +70,8 @@ pub(crate) struct ExchangeEnds<P> {
     pub swaps: Producer<Swap<P>>,
     pub applied: Consumer<Applied<P>>,
     pub done: Consumer<Done>,
+    pub flights: Consumer<Box<FlightRecord>>,
+    pub spare_flights: Producer<Box<FlightRecord>>,
 }
 
 /// Serves the cell until `stop` is set; `execute` runs on its own thread and returns when `stop`
@@ -80,9 +89,21 @@ pub(crate) fn serve<P: Send + Clone + PartialEq>(
     let (applied, applied_rx) = RingBuffer::new(SWAP_RING);
     let (done, done_rx) = RingBuffer::new(EPISODE_LOANS);
     let (telemetry, telemetry_rx) = RingBuffer::new(TELEMETRY_RING);
-    let ends = Ends { jobs, swaps, applied, done, telemetry };
-    let exchange_ends =
-        ExchangeEnds { jobs: job_tx, swaps: swap_tx, applied: applied_rx, done: done_rx };
+    let (flights, flight_rx) = RingBuffer::new(FLIGHT_RING);
+    let (mut spare_tx, spare_flights) = RingBuffer::new(FLIGHT_RING);
+    if setup.state.is_some() {
+        // Without a folder none is written: the loop keeps its own.
+        let _ = spare_tx.push(Box::new(FlightRecord::new()));
+    }
+    let ends = Ends { jobs, swaps, applied, done, telemetry, flights, spare_flights };
+    let exchange_ends = ExchangeEnds {
+        jobs: job_tx,
+        swaps: swap_tx,
+        applied: applied_rx,
+        done: done_rx,
+        flights: flight_rx,
+        spare_flights: spare_tx,
+    };
     let (pace, is_realtime) = (setup.pace, setup.is_realtime());
     let mut exchange = Exchange::new(ports, setup, exchange_ends, LoopReport::new(telemetry_rx))?;
     std::thread::scope(|scope| {

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! <state>/policies/<id>.json    one imported policy, written once
-//! <state>/state.json            active, pinned, last good, forbidden
+//! <state>/state.json            active, pinned, last good, forbidden, latched fault
 //! ```
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -14,6 +14,9 @@ use shm_types::command::LAST_GOOD;
 use shm_types::policy::{PolicyMsg, PolicyName};
 use shm_types::policy_json::{self, PolicyJsonError};
 use thiserror::Error;
+
+use crate::fault::Fault;
+use crate::latch::Latched;
 
 pub(crate) const STATE_FILE: &str = "state.json";
 const FORMAT: u32 = 1;
@@ -35,6 +38,7 @@ pub struct State {
     pub active: Option<PolicyMsg>,
     pub last_good: Option<PolicyMsg>,
     pub pinned: bool,
+    pub latched: Option<Latched>,
     /// Numbers from here on were never given.
     pub(crate) next_id: u64,
 }
@@ -45,6 +49,7 @@ pub(crate) struct Remember<'a> {
     pub active: Option<PolicyName>,
     pub last_good: Option<&'a PolicyMsg>,
     pub pinned: bool,
+    pub latched: Option<Latched>,
 }
 
 #[derive(Debug, Default, Serialize, Deserialize)]
@@ -57,6 +62,15 @@ struct StateFile {
     pinned: bool,
     forbidden: BTreeSet<u64>,
     last_good: Option<GoodFile>,
+    /// Absent in files of a controller before there was a latch.
+    latched: Option<LatchedFile>,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LatchedFile {
+    fault: u32,
+    since_unix_s: u64,
 }
 
 #[derive(Debug, Serialize, Deserialize)]
@@ -92,6 +106,11 @@ impl State {
             None => None,
         };
         state.next_id = state.next_id.max(file.next_id);
+        if let Some(LatchedFile { fault, since_unix_s }) = file.latched {
+            let known = Fault::latching(fault);
+            let fault = known.ok_or_else(|| broken(format!("latched: no fault {fault}")))?;
+            state.latched = Some(Latched { fault, since_unix_s });
+        }
         (state.pinned, state.forbidden) = (file.pinned, file.forbidden);
         Ok(state)
     }
@@ -133,6 +152,10 @@ pub(crate) fn state_text(
         pinned: remember.pinned,
         forbidden: forbidden.clone(),
         last_good: remember.last_good.and_then(|good| GoodFile::of(good).ok()),
+        latched: remember.latched.map(|latched| LatchedFile {
+            fault: latched.fault as u32,
+            since_unix_s: latched.since_unix_s,
+        }),
     };
     serde_json::to_string_pretty(&file)
 }

@@ -2,21 +2,23 @@
 //!
 //! Nothing in here allocates, locks, logs, calls the transport or the plant, or panics: the
 //! [`Controller`] holds plain copies and one shared reference, and [`Controller::tick`] sees
-//! neither ports nor plants. A fault is a code in the record and a damped gravity hold, for the
-//! rest of the rollout.
+//! neither ports nor plants. A fault is a code in the record and a damped gravity hold: a policy's for
+//! the rest of the rollout, the machine's until it is re-armed.
 
-use nalgebra::Vector6;
+use nalgebra::{Vector3, Vector6};
 use physics::arm::{ArmModel, JointVector, dynamics};
 use physics::outcome::{Outcome, OutcomeConfig};
 use physics::plant::Measurement;
 use shm_types::episode::{
-    FLAG_IN_CONTACT, FLAG_NEAR_JOINT_LIMIT, FLAG_NEAR_SPEED_LIMIT, FLAG_RATE_LIMITED,
-    FLAG_TORQUE_CLIPPED, TickRecord,
+    FLAG_NEAR_JOINT_LIMIT, FLAG_NEAR_SPEED_LIMIT, FLAG_RATE_LIMITED, FLAG_TORQUE_CLIPPED,
+    TickRecord,
 };
 
 use crate::config::ControllerConfig;
+use crate::estimate::Estimate;
 pub use crate::fault::Fault;
 use crate::limits;
+use crate::monitor::Monitor;
 use crate::policy::Policy;
 use crate::rollout::{Phase, Rollout};
 use crate::task::{TaskState, to_world};
@@ -32,23 +34,29 @@ pub struct Controller<'a> {
     model: &'a ArmModel,
     settings: Settings,
     rollout: Rollout,
+    monitor: Monitor,
     tick: u64,
     fault: Fault,
     /// Ticks of Execute and Settle in this rollout, and those with a clipped torque.
     n_executed: u32,
     n_clipped: u32,
     last_tau: JointVector,
-    last_q: JointVector,
+    estimate: Estimate,
 }
 
 #[derive(Clone, Copy)]
 struct Settings {
     posture_stiffness: f64,
     posture_damping: f64,
+    period_s: f64,
     torque_step: f64,
     speed_taper: f64,
     joint_margin_rad: f64,
     hold_damping: f64,
+    /// Where the pan may be: within the radius of the first joint, m, and above the floor, m.
+    shoulder: Vector3<f64>,
+    workspace_radius_m: f64,
+    workspace_floor_m: f64,
 }
 
 // The hot state owns nothing whose drop could call the allocator or the transport.
@@ -67,24 +75,33 @@ impl<'a> Controller<'a> {
             settings: Settings {
                 posture_stiffness: config.posture_stiffness,
                 posture_damping: config.posture_damping,
+                period_s: config.period_s(),
                 torque_step: config.torque_rate * config.period_s(),
                 speed_taper: config.speed_taper,
                 joint_margin_rad: config.joint_margin_rad,
                 hold_damping: config.hold_damping,
+                shoulder: model.bodies()[0].X_AB0().translation.vector,
+                workspace_radius_m: config.workspace_radius_m,
+                workspace_floor_m: config.workspace_floor_m,
             },
             rollout: Rollout::new(q0, config, outcome),
+            monitor: Monitor::new(model, config),
             tick: 0,
             fault: Fault::None,
             n_executed: 0,
             n_clipped: 0,
             last_tau: dynamics::gravity_torque(model, q0),
-            last_q: *q0,
+            estimate: Estimate { q: *q0, qd: JointVector::zeros() },
         }
     }
 
-    /// Begins a rollout: Approach, then Execute and Settle under `policy`.
+    /// Begins a rollout: Approach, then Execute and Settle under `policy`. Not after a latched fault.
     pub fn start(&mut self, policy: &Policy, q: &JointVector) {
+        if self.fault.latches() {
+            return;
+        }
         self.fault = Fault::None;
+        self.monitor.restart();
         (self.n_executed, self.n_clipped) = (0, 0);
         self.last_tau = dynamics::gravity_torque(self.model, q);
         self.rollout.start(policy, q);
@@ -100,11 +117,35 @@ impl<'a> Controller<'a> {
         self.rollout.policy()
     }
 
-    /// From the next tick on the arm is held: the loop around found a reason.
+    /// From the next tick on the arm is held: the loop around found a reason. The first fault is the
+    /// one that is told, but the machine's comes before all others.
     pub fn trip(&mut self, fault: Fault) {
-        if self.fault == Fault::None {
+        if self.fault == Fault::None || (fault.latches() && !self.fault.latches()) {
             self.fault = fault;
         }
+    }
+
+    /// The fault that holds the arm until [`Controller::rearm`].
+    pub fn latched(&self) -> Option<Fault> {
+        Some(self.fault).filter(|fault| fault.latches())
+    }
+
+    /// What latched was seen not long ago.
+    pub fn is_cause_present(&self) -> bool {
+        !self.monitor.is_clear()
+    }
+
+    /// Ends the hold after a latched fault, unless its cause is present: the arm stays where it is.
+    pub fn rearm(&mut self) {
+        if self.fault.latches() && !self.is_cause_present() {
+            self.fault = Fault::None;
+            self.rollout.stay();
+        }
+    }
+
+    /// What no torque of the motors explains, N·m, low-passed; see [`crate::monitor`].
+    pub fn unexplained_force(&self) -> &JointVector {
+        self.monitor.force()
     }
 
     pub fn phase(&self) -> Phase {
@@ -136,13 +177,14 @@ impl<'a> Controller<'a> {
         record.phase = self.rollout.phase() as u32;
         record.t_s = self.rollout.t_s();
 
-        let tau = match self.torque(measured, record) {
+        let torque = self.torque(measured, record);
+        self.locate(measured, torque.err());
+        if let Err(fault) = torque {
+            self.trip(fault);
+        }
+        let tau = match torque {
             Ok(tau) if self.fault == Fault::None => tau,
-            Ok(_) => self.hold(measured),
-            Err(fault) => {
-                self.fault = fault;
-                self.hold(measured)
-            }
+            _ => self.hold(),
         };
         if matches!(self.rollout.phase(), Phase::Execute | Phase::Settle) {
             self.n_executed += 1;
@@ -153,10 +195,11 @@ impl<'a> Controller<'a> {
             self.fault = Fault::ApproachTimeout;
         }
 
-        write_measurement(measured, record);
+        crate::measured::write(measured, record);
         record.tau.copy_from_slice(tau.as_slice());
         record.fault = self.fault as u32;
         self.last_tau = tau;
+        self.monitor.commanded(&tau);
         self.tick += 1;
         tau
     }
@@ -166,11 +209,15 @@ impl<'a> Controller<'a> {
         measured: &Measurement,
         record: &mut TickRecord,
     ) -> Result<JointVector, Fault> {
-        self.check(measured)?;
+        if !crate::measured::is_finite(measured) {
+            self.monitor.blind();
+            return Err(Fault::MeasurementNotFinite);
+        }
         let (q, qd) = (&measured.q, &measured.qd);
-        self.last_q = *q;
-        self.rollout.locate(q);
         let state = ArmState::new(self.model, q, qd);
+        self.monitor.observe(self.model, measured, &state)?;
+        self.check(measured)?;
+        self.rollout.locate(q);
         let task = TaskState::new(&state.tip);
         record.x.copy_from_slice(task.x.as_slice());
         record.xd.copy_from_slice(task.xd.as_slice());
@@ -185,6 +232,7 @@ impl<'a> Controller<'a> {
                 computed_torque(&state, &posture(&self.rollout.posture_reference()))
             }
             Phase::Execute | Phase::Settle => {
+                self.check_workspace(&state)?;
                 let command = self.rollout.command(&task);
                 record.attractor.copy_from_slice(command.attractor.as_slice());
                 let xdd_world: Vector6<f64> = to_world(&command.xdd);
@@ -196,13 +244,6 @@ impl<'a> Controller<'a> {
     }
 
     fn check(&self, measured: &Measurement) -> Result<(), Fault> {
-        let object = &measured.object;
-        let object_is_finite =
-            object.p_WO.iter().chain(object.R_WO.coords.iter()).all(|x| x.is_finite());
-        if !limits::is_finite(&measured.q) || !limits::is_finite(&measured.qd) || !object_is_finite
-        {
-            return Err(Fault::MeasurementNotFinite);
-        }
         let bounds = self.model.limits();
         for i in 0..self.model.n_joints() {
             let q = measured.q[i];
@@ -215,6 +256,14 @@ impl<'a> Controller<'a> {
             }
         }
         Ok(())
+    }
+
+    /// Only under a policy: an Approach may come back from anywhere.
+    fn check_workspace(&self, state: &ArmState) -> Result<(), Fault> {
+        let (p, settings) = (&state.tip.X_WP.translation.vector, &self.settings);
+        let is_inside = (p - settings.shoulder).norm() <= settings.workspace_radius_m
+            && p.z >= settings.workspace_floor_m;
+        if is_inside { Ok(()) } else { Err(Fault::OutOfWorkspace) }
     }
 
     /// Joint limits, speed limits, torque clamp, torque rate, finite check: in this order, so that
@@ -247,34 +296,25 @@ impl<'a> Controller<'a> {
         if limits::is_finite(&tau) { Ok(tau) } else { Err(Fault::TorqueNotFinite) }
     }
 
-    /// Damped gravity hold: τ = g(q) − D q̇, with what is still known of q and q̇. It obeys clamp
-    /// and rate like any other torque.
-    fn hold(&self, measured: &Measurement) -> JointVector {
-        let bounds = self.model.limits();
-        let known = limits::is_finite(&measured.qd) && limits::is_finite(&measured.q);
-        let qd = if known { measured.qd } else { JointVector::zeros() };
+    /// Where the arm is, as measured or, where `fault` says otherwise, as it must have gone on.
+    fn locate(&mut self, measured: &Measurement, fault: Option<Fault>) {
+        let is_known = limits::is_finite(&measured.q)
+            && limits::is_finite(&measured.qd)
+            && !self.monitor.is_stale()
+            && !fault.is_some_and(Fault::spoils_joints);
+        if is_known {
+            self.estimate = Estimate { q: measured.q, qd: measured.qd };
+        } else {
+            self.estimate.reckon(self.model, &self.last_tau, self.settings.period_s);
+        }
+    }
+
+    /// Damped gravity hold: τ = g(q) − D q̇. It obeys clamp and rate like any other torque.
+    fn hold(&self) -> JointVector {
+        let (bounds, Estimate { q, qd }) = (self.model.limits(), &self.estimate);
         let damping = bounds.tau_max * self.settings.hold_damping;
-        let tau = dynamics::gravity_torque(self.model, &self.last_q) - damping.component_mul(&qd);
+        let tau = dynamics::gravity_torque(self.model, q) - damping.component_mul(qd);
         let (tau, _) = limits::clamp_torque(bounds, &tau);
         limits::limit_torque_rate(bounds, &self.last_tau, &tau, self.settings.torque_step).0
-    }
-}
-
-fn write_measurement(measured: &Measurement, record: &mut TickRecord) {
-    // The record must stay finite: receivers refuse the whole episode otherwise.
-    let finite = |x: f64| if x.is_finite() { x } else { 0.0 };
-    for i in 0..record.q.len() {
-        record.q[i] = finite(measured.q[i]);
-        record.qd[i] = finite(measured.qd[i]);
-    }
-    let object = &measured.object;
-    let rotation = object.R_WO.coords; // i, j, k, w
-    for i in 0..3 {
-        record.object_position[i] = finite(object.p_WO[i]);
-        record.object_quaternion[i + 1] = finite(rotation[i]);
-    }
-    record.object_quaternion[0] = finite(rotation[3]);
-    if object.in_contact {
-        record.flags |= FLAG_IN_CONTACT;
     }
 }

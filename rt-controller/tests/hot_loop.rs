@@ -10,25 +10,18 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell as LocalCell;
 use std::os::unix::process::ExitStatusExt;
 use std::process::{Command as Process, Output};
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::time::Duration;
+use std::sync::atomic::{AtomicU64, Ordering};
 
-use common::{Stopping, message, wam};
+use common::service::Service;
+use common::{message, wam};
 use physics::arm::JointVector;
 use physics::ideal::IdealArm;
-use physics::outcome::OutcomeConfig;
 use physics::pancake::WAM7_START_POSTURE;
 use physics::plant::{Measurement, Plant};
-use rt_controller::run::Controlled;
 use rt_controller::{ControllerConfig, Pace, RunSummary};
 use seccompiler::{SeccompAction, SeccompFilter, apply_filter};
 use shm_types::cell::{Cell, runtime_dir};
-use shm_types::command::{
-    AT_NOW, COMMAND_ACTIVATE, COMMAND_IMPORT, COMMAND_PIN, COMMAND_STOP, Command, Reply,
-};
-use shm_types::ports::ToolPorts;
-
-const SOON: Duration = Duration::from_secs(30);
+use shm_types::command::{AT_NOW, COMMAND_ACTIVATE, COMMAND_PIN, Command};
 
 /// Counts heap operations of threads that are being watched.
 struct CountingAllocator;
@@ -125,52 +118,26 @@ fn only_sleep() -> seccompiler::BpfProgram {
     SeccompFilter::new(rules, kill, pass, arch).unwrap().try_into().unwrap()
 }
 
-fn request(tool: &ToolPorts, command: Command) -> Reply {
-    let reply = tool.request(&command, SOON).expect("an answer");
-    assert_eq!(reply.accepted, 1, "{}", reply.reason_text());
-    reply
-}
-
 /// Runs a cell whose plant does `deed`, and swaps two policies in turn until `is_over`; returns the
 /// controller's summary and the swaps acknowledged.
 fn run_cell(name: &str, pace: Pace, deed: Deed, is_over: impl Fn() -> bool) -> (RunSummary, u64) {
-    let cell = Cell::new(&format!("{name}-{}", std::process::id())).unwrap();
     let config = ControllerConfig { blend_s: 0.002, ..Default::default() };
-    let stop = AtomicBool::new(false);
-    let result = std::thread::scope(|scope| {
-        let controller = scope.spawn(|| {
-            let model = wam();
-            let arm = IdealArm::new(&model, &WAM7_START_POSTURE, config.period_s(), 0.01);
-            let mut spy = Spy { arm, deed, ticks: 0 };
-            let outcome = OutcomeConfig::default();
-            let (plant, q0) = (&mut spy, WAM7_START_POSTURE);
-            let controlled = Controlled { model: &model, plant, q0, outcome };
-            rt_controller::run(&cell, &config, pace, controlled, None, &stop).unwrap()
-        });
-        let _stopping = Stopping(&stop);
-        let tool = ToolPorts::open(&cell, SOON).unwrap();
-        let mut id = 1;
-        let mut new = |kind| {
-            id += 1;
-            Command::new(kind, id)
-        };
-        let policies = [message(0.02, 200.0), message(-0.02, 250.0)].map(|policy| {
-            request(&tool, Command { policy, ..new(COMMAND_IMPORT) }).policy.policy_id
-        });
-        let mut swap = |policy_id| Command { policy_id, at: AT_NOW, ..new(COMMAND_ACTIVATE) };
-        request(&tool, swap(policies[0]));
-        request(&tool, Command::new(COMMAND_PIN, 0));
+    let model = wam();
+    let arm = IdealArm::new(&model, &WAM7_START_POSTURE, config.period_s(), 0.01);
+    let service = Service { name, model: &model, config: &config, pace, state: None };
+    service.run(&mut Spy { arm, deed, ticks: 0 }, |operator| {
+        let policies = [message(0.02, 200.0), message(-0.02, 250.0)].map(|p| operator.import(p));
+        operator.activate(policies[0]);
+        operator.ok(Command::new(COMMAND_PIN, 0));
+        let swap =
+            |policy_id| Command { policy_id, at: AT_NOW, ..Command::new(COMMAND_ACTIVATE, 0) };
         let mut swaps = 1;
         while !is_over() {
-            let reply = tool.request(&swap(policies[swaps % 2]), SOON).expect("an answer");
             // Too early is an answer, too: the last one is still fading in.
-            swaps += reply.accepted as usize;
+            swaps += operator.ask(swap(policies[swaps % 2])).accepted as usize;
         }
-        request(&tool, Command::new(COMMAND_STOP, 1));
-        (controller.join().unwrap(), swaps as u64)
-    });
-    cell.remove_if_idle();
-    result
+        swaps as u64
+    })
 }
 
 #[test]

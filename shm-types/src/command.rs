@@ -23,6 +23,8 @@ pub const COMMAND_ROLLBACK: u64 = 7;
 /// The policy `policy_id` may not be activated any more, or may again.
 pub const COMMAND_FORBID: u64 = 8;
 pub const COMMAND_ALLOW: u64 = 9;
+/// Ends the hold after a latched fault, if its cause is gone.
+pub const COMMAND_REARM: u64 = 10;
 
 /// Values of [`Command::at`].
 pub const AT_NEXT_ROLLOUT: u64 = 0;
@@ -52,11 +54,18 @@ message! {
 
 message! {
     /// State of the controller when it answered. Times in ns; percentiles since its start.
-    pub struct Status as "skillet/Status/1" {
+    pub struct Status as "skillet/Status/2" {
         pub boot_id: u64,
         pub tick: u64,
         pub phase: u64,
         pub fault: u64,
+        /// The machine fault that holds the arm until it is re-armed, or 0; for how long; 1 while its
+        /// cause is there.
+        pub latched_fault: u64,
+        pub latched_ns: u64,
+        pub latched_present: u64,
+        /// Flight records in the state folder.
+        pub fault_records: u64,
         pub period_ns: u64,
         /// 1: paced by the wall clock; 0: as fast as the simulation allows.
         pub realtime: u64,
@@ -145,7 +154,7 @@ impl Command {
         if self.schema != SCHEMA {
             return Err(CommandError::Schema { found: self.schema });
         }
-        if !(COMMAND_STATUS..=COMMAND_ALLOW).contains(&self.kind) {
+        if !(COMMAND_STATUS..=COMMAND_REARM).contains(&self.kind) {
             return Err(CommandError::Kind(self.kind));
         }
         if self.at > AT_NOW {
@@ -194,6 +203,10 @@ impl Status {
         tick: 0,
         phase: 0,
         fault: 0,
+        latched_fault: 0,
+        latched_ns: 0,
+        latched_present: 0,
+        fault_records: 0,
         period_ns: 0,
         realtime: 0,
         privileged: 0,

@@ -24,6 +24,18 @@ pub const FAULT_SWAPPED: u64 = 8;
 /// The host could not hold the period; nothing the policy did.
 pub const FAULT_OVERRUN: u64 = 9;
 
+/// The machine's own faults: they latch, and the rollout is asked for again when it is re-armed.
+pub const FAULT_MEASUREMENT_NOT_FINITE: u64 = 1;
+pub const FAULT_MEASUREMENT_STALE: u64 = 10;
+pub const FAULT_MEASUREMENT_INCONSISTENT: u64 = 11;
+pub const FAULT_UNEXPECTED_FORCE: u64 = 12;
+pub const MACHINE_FAULTS: [u64; 4] = [
+    FAULT_MEASUREMENT_NOT_FINITE,
+    FAULT_MEASUREMENT_STALE,
+    FAULT_MEASUREMENT_INCONSISTENT,
+    FAULT_UNEXPECTED_FORCE,
+];
+
 /// Bits of [`OutcomeMsg::flags`].
 pub const OUTCOME_TOSSED: u64 = 1;
 pub const OUTCOME_SUCCESS: u64 = 2;

@@ -34,12 +34,14 @@ message! {
 
 message! {
     /// "I am alive": a counter; its age tells.
-    pub struct Heartbeat as "skillet/Heartbeat/2" {
+    pub struct Heartbeat as "skillet/Heartbeat/3" {
         pub schema: u64,
         pub boot_id: u64,
         pub counter: u64,
         /// Of a controller: 1 while it serves a pinned policy and learners must wait.
         pub pinned: u64,
+        /// Of a controller: the machine fault that holds the arm until it is re-armed, or 0.
+        pub latched: u64,
     }
 }
 

@@ -9,6 +9,7 @@ use learner::Learner;
 use learner::modes::choose;
 use learner::session::{self, End, Event};
 use learner::store::{SessionMeta, Store};
+use rt_controller::fault::Fault;
 use sd_notify::NotifyState;
 use shm_types::cell::{Cell, Role};
 use shm_types::channel::ChannelError;
@@ -126,6 +127,17 @@ fn report(event: &Event, line: &mut TrialLine, json: bool) {
         Event::Pinned(false) => {
             tell_manager("learning");
             tracing::info!("the controller takes proposals again");
+        }
+        Event::Held(0) => {
+            tell_manager("learning");
+            tracing::info!("the arm is re-armed");
+        }
+        Event::Held(fault) => {
+            tell_manager("waiting: the arm is held after a machine fault");
+            tracing::warn!(
+                "the arm is held after a machine fault ({}); waiting for `skillet rearm`",
+                Fault::describe(*fault as u32)
+            );
         }
         Event::SetAside { rollout, reason } => {
             tracing::warn!("rollout {rollout} set aside, not learnt: {reason}");

@@ -9,6 +9,7 @@ pub mod learner;
 pub mod live;
 pub mod modes;
 pub mod policy;
+pub mod rearm;
 pub mod report;
 pub mod soak;
 pub mod status;

@@ -1,9 +1,11 @@
 //! `skillet status`: one look at a running controller.
 
+use std::path::Path;
 use std::time::Duration;
 
 use anyhow::{Result, bail};
 use rt_controller::fault::Fault;
+use rt_controller::flight_files::FAULTS_DIR;
 use serde_json::json;
 use shm_types::cell::Cell;
 use shm_types::channel::ChannelError;
@@ -13,14 +15,16 @@ use shm_types::ports::ToolPorts;
 use crate::Verdict;
 use crate::cell::NamedCell;
 use crate::cli::StatusArgs;
+use crate::health::{self, Health};
 use crate::output::{print, print_json};
 
 const TIMEOUT: Duration = Duration::from_secs(1);
 const PHASES: [&str; 4] = ["idle", "approach", "execute", "settle"];
 
 pub fn run(args: &StatusArgs) -> Result<Verdict> {
-    let cell = NamedCell::of(&args.cell)?.cell;
-    let status = match ToolPorts::open(&cell, TIMEOUT) {
+    let named = NamedCell::of(&args.cell)?;
+    let (cell, faults_dir) = (&named.cell, named.state_dir().join(FAULTS_DIR));
+    let status = match ToolPorts::open(cell, TIMEOUT) {
         Ok(ports) => ports.status(TIMEOUT),
         Err(error @ ChannelError::NoController { .. }) => {
             if args.json {
@@ -39,15 +43,23 @@ pub fn run(args: &StatusArgs) -> Result<Verdict> {
         );
     };
     if args.json {
-        print_json(&as_json(&cell, &status))?;
+        print_json(&as_json(cell, &status))?;
     } else {
-        print(&as_text(&cell, &status))?;
+        print(&as_text(cell, &status, &faults_dir))?;
     }
-    Ok(Verdict::Done)
+    Ok(match health::of(&status).0 {
+        Health::Bad => Verdict::Negative,
+        _ => Verdict::Done,
+    })
 }
 
 fn phase(status: &Status) -> &'static str {
     PHASES.get(status.phase as usize).copied().unwrap_or("unknown")
+}
+
+/// The machine fault that holds the arm.
+fn latched(status: &Status) -> Option<&'static str> {
+    (status.latched_fault != 0).then(|| Fault::describe(status.latched_fault as u32))
 }
 
 fn learner_age_s(status: &Status) -> Option<f64> {
@@ -55,14 +67,21 @@ fn learner_age_s(status: &Status) -> Option<f64> {
 }
 
 fn as_json(cell: &Cell, status: &Status) -> serde_json::Value {
+    let (health, findings) = health::of(status);
     json!({
         "cell": cell.name(),
         "controller": "running",
+        "health": health,
+        "findings": findings,
         "boot_id": status.boot_id,
         "pace": if status.realtime == 1 { "realtime" } else { "max" },
         "phase": phase(status),
         "tick": status.tick,
         "fault": Fault::describe(status.fault as u32),
+        "latched_fault": latched(status),
+        "latched_s": latched(status).map(|_| status.latched_ns as f64 * 1e-9),
+        "latched_cause_present": status.latched_present == 1,
+        "fault_records": status.fault_records,
         "period_us": status.period_ns / 1000,
         "realtime_priority": status.privileged == 1,
         "rollout": status.in_loop.rollout,
@@ -95,7 +114,18 @@ fn percentiles(p50_ns: u64, p99_ns: u64, max_ns: u64) -> serde_json::Value {
     json!({ "p50": us(p50_ns), "p99": us(p99_ns), "max": us(max_ns) })
 }
 
-fn as_text(cell: &Cell, status: &Status) -> String {
+/// A line about the latched fault, where there is one.
+fn held(cell: &Cell, status: &Status) -> String {
+    let Some(fault) = latched(status) else { return String::new() };
+    let (name, age_s) = (cell.name(), status.latched_ns as f64 * 1e-9);
+    let next = match status.latched_present {
+        1 => "its cause is present: mend it".to_string(),
+        _ => format!("`skillet rearm --cell {name}` when it is mended"),
+    };
+    format!("held        for {age_s:.0} s, machine fault: {fault}; {next}\n")
+}
+
+fn as_text(cell: &Cell, status: &Status, faults_dir: &Path) -> String {
     let us = |ns: u64| ns as f64 * 1e-3;
     let pace = match (status.realtime, status.privileged) {
         (1, 1) => "real time, SCHED_FIFO",
@@ -117,6 +147,10 @@ fn as_text(cell: &Cell, status: &Status) -> String {
         status.in_loop.describe(),
         status.applied_tick,
     );
+    text += &held(cell, status);
+    let (health, findings) = health::of(status);
+    text +=
+        &format!("health      {}\n", [vec![health.name().into()], findings].concat().join("; "));
     text += &format!(
         "active      policy {}{}, last good: {}; {} imported, {} rollbacks\n",
         status.active.describe(),
@@ -141,6 +175,10 @@ fn as_text(cell: &Cell, status: &Status) -> String {
     if status.spooled > 0 {
         let full = if status.spool_full == 1 { "; it is full, learning pauses" } else { "" };
         text += &format!("spool       {} episodes wait for their learner{full}\n", status.spooled);
+    }
+    if status.fault_records > 0 {
+        let n = status.fault_records;
+        text += &format!("faults      {n} flight records in {}\n", faults_dir.display());
     }
     if status.state_errors > 0 {
         text += &format!(

@@ -14,6 +14,7 @@ pub struct PancakePlant {
     q0: JointVector,
     config: PancakeConfig,
     tau: JointVector,
+    sample: u64,
     scene: Scene,
 }
 
@@ -32,7 +33,7 @@ impl PancakePlant {
     pub fn new(model: &ArmModel, q0: &JointVector, config: &PancakeConfig) -> PancakePlant {
         let scene = Scene::new(model, q0, config);
         let tau = JointVector::zeros();
-        PancakePlant { model: model.clone(), q0: *q0, config: *config, tau, scene }
+        PancakePlant { model: model.clone(), q0: *q0, config: *config, tau, sample: 0, scene }
     }
 }
 
@@ -46,7 +47,8 @@ impl Plant for PancakePlant {
 
     fn measure(&self) -> Measurement {
         let Scene { world, arm, pancake } = &self.scene;
-        Measurement { q: arm.q(world), qd: arm.qd(world), object: object_state(world, *pancake) }
+        let object = object_state(world, *pancake);
+        Measurement { q: arm.q(world), qd: arm.qd(world), object, sample: self.sample }
     }
 
     fn apply(&mut self, tau: &JointVector) {
@@ -58,6 +60,7 @@ impl Plant for PancakePlant {
         // Here and not in apply: Rapier holds torques in world axes, and the axes have moved.
         arm.set_torques(world, &self.tau);
         world.step();
+        self.sample += 1;
     }
 }
 

@@ -3,6 +3,8 @@
 use std::fs;
 
 use super::*;
+use crate::fault::Fault;
+use crate::latch::Latched;
 
 fn policy(damping: f64) -> PolicyMsg {
     let mut policy = PolicyMsg { n_components: 1, damping, ..PolicyMsg::EMPTY };
@@ -34,6 +36,7 @@ impl Drop for Dir {
 fn a_restart_finds_what_was_remembered_bit_for_bit() {
     let dir = Dir::new("restart");
     let good = PolicyMsg { session: u64::MAX, rollout: 31, policy_id: 31, ..policy(9.0) };
+    let latched = Some(Latched { fault: Fault::MeasurementStale, since_unix_s: 1234 });
     {
         let mut catalogue = Catalogue::open(Some(&dir.0)).unwrap();
         assert!(catalogue.left().active.is_none() && catalogue.left().last_good.is_none());
@@ -41,12 +44,13 @@ fn a_restart_finds_what_was_remembered_bit_for_bit() {
         assert_eq!(ids, [1, 2, 1]);
         catalogue.forbid(1, true).unwrap();
         let active = Some(catalogue.name(2));
-        catalogue.remember(Remember { active, last_good: Some(&good), pinned: true });
+        catalogue.remember(Remember { active, last_good: Some(&good), pinned: true, latched });
     }
     let mut catalogue = Catalogue::open(Some(&dir.0)).unwrap();
     assert_eq!(catalogue.left().last_good, Some(good));
     assert_eq!(catalogue.left().active, Some(PolicyMsg { policy_id: 2, ..policy(2.0) }));
     assert!(catalogue.left().pinned);
+    assert_eq!(catalogue.left().latched, latched, "a restart does not re-arm");
     assert!(matches!(catalogue.get(1), Err(CatalogueError::Forbidden(1))));
     catalogue.forbid(1, false).unwrap();
     assert_eq!(catalogue.get(1).unwrap().digest, policy(1.0).digest);
@@ -61,7 +65,12 @@ fn the_last_good_policy_of_a_session_may_be_the_active_one() {
     {
         let mut catalogue = Catalogue::open(Some(&dir.0)).unwrap();
         let active = Some(good.name());
-        catalogue.remember(Remember { active, last_good: Some(&good), pinned: false });
+        catalogue.remember(Remember {
+            active,
+            last_good: Some(&good),
+            pinned: false,
+            latched: None,
+        });
     }
     let catalogue = Catalogue::open(Some(&dir.0)).unwrap();
     assert_eq!(catalogue.left().active, Some(good));
@@ -75,7 +84,12 @@ fn a_broken_policy_is_left_out_and_a_broken_state_is_named() {
         for damping in [1.0, 2.0] {
             import(&mut catalogue, damping);
         }
-        catalogue.remember(Remember { active: None, last_good: None, pinned: false });
+        catalogue.remember(Remember {
+            active: None,
+            last_good: None,
+            pinned: false,
+            latched: None,
+        });
     }
     let first = dir.0.join("policies/1.json");
     let text = fs::read_to_string(&first).unwrap();

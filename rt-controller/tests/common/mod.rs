@@ -1,7 +1,8 @@
-//! The arm and the policies that the tests of the loop share.
-#![allow(dead_code)] // each test file uses its own part
+//! The arm, the policies and the cells that the tests of the loop share.
+#![allow(dead_code, non_snake_case)] // each test file uses its own part; M is the mass matrix
 
-use std::sync::atomic::{AtomicBool, Ordering};
+pub mod faulty;
+pub mod service;
 
 use physics::arm::ArmModel;
 use physics::outcome::OutcomeConfig;
@@ -35,13 +36,4 @@ pub fn message(amplitude: f64, stiffness: f64) -> PolicyMsg {
 
 pub fn controller<'a>(model: &'a ArmModel, config: &ControllerConfig) -> Controller<'a> {
     Controller::new(model, &WAM7_START_POSTURE, config, &OutcomeConfig::default())
-}
-
-/// Stops a controller when its test ends, by a panic as well: nobody waits for it for ever.
-pub struct Stopping<'a>(pub &'a AtomicBool);
-
-impl Drop for Stopping<'_> {
-    fn drop(&mut self) {
-        self.0.store(true, Ordering::Relaxed);
-    }
 }

@@ -1,0 +1,31 @@
+//! Where the arm is while its sensors do not say: by its own dynamics, from where they last did.
+
+use physics::arm::{ArmModel, JointVector};
+
+use crate::wrench::ArmState;
+
+/// Positions, rad, and speeds, rad/s.
+#[derive(Clone, Copy)]
+pub(crate) struct Estimate {
+    pub q: JointVector,
+    pub qd: JointVector,
+}
+
+impl Estimate {
+    /// Goes on by one period under `tau`, N·m: q̈ = M⁻¹(τ − C q̇ − g), not beyond the joints' limits.
+    pub fn reckon(&mut self, model: &ArmModel, tau: &JointVector, period_s: f64) {
+        let state = ArmState::new(model, &self.q, &self.qd);
+        if let Some(M) = state.mass_matrix.cholesky() {
+            self.qd += M.solve(&(tau - state.bias)) * period_s;
+        }
+        let limits = model.limits();
+        for i in 0..model.n_joints() {
+            self.qd[i] = self.qd[i].clamp(-limits.qd_max[i], limits.qd_max[i]);
+            let q = self.q[i] + self.qd[i] * period_s;
+            self.q[i] = q.clamp(limits.q_min[i], limits.q_max[i]);
+            if self.q[i] != q {
+                self.qd[i] = 0.0;
+            }
+        }
+    }
+}

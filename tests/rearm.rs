@@ -1,0 +1,119 @@
+//! A machine fault under a learner's session: it waits, `skillet rearm` lets it go on, and nothing
+//! of it is lost or changed.
+
+mod util;
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use physics::arm::{ArmModel, JointVector};
+use physics::outcome::OutcomeConfig;
+use physics::pancake::{PancakeConfig, PancakePlant, WAM7_START_POSTURE};
+use physics::plant::{Measurement, Plant};
+use rt_controller::run::Controlled;
+use rt_controller::{ControllerConfig, Pace};
+use serde_json::Value;
+use shm_types::cell::Cell;
+use util::{Bench, bits, eventually};
+
+/// A pancake world whose samples stop when it is told.
+struct Cut<'a> {
+    world: PancakePlant,
+    shown: Measurement,
+    is_cut: &'a AtomicBool,
+}
+
+impl Cut<'_> {
+    fn show(&mut self) {
+        if !self.is_cut.load(Ordering::Relaxed) {
+            self.shown = self.world.measure();
+        }
+    }
+}
+
+impl Plant for Cut<'_> {
+    fn reset(&mut self) {
+        self.world.reset();
+        self.show();
+    }
+
+    fn measure(&self) -> Measurement {
+        self.shown
+    }
+
+    fn apply(&mut self, tau: &JointVector) {
+        self.world.apply(tau);
+    }
+
+    fn advance(&mut self) {
+        self.world.advance();
+        self.show();
+    }
+}
+
+/// Stops the controller when the test ends, by a panic as well.
+struct Stopping<'a>(&'a AtomicBool);
+
+impl Drop for Stopping<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
+fn run(bench: &Bench, is_cut: &AtomicBool, stop: &AtomicBool) {
+    let urdf = include_str!("../robots/wam7/wam7_pan.urdf");
+    let model = ArmModel::from_urdf(urdf, "pan").unwrap();
+    let world = PancakePlant::new(&model, &WAM7_START_POSTURE, &PancakeConfig::default());
+    let mut plant = Cut { shown: world.measure(), world, is_cut };
+    let cell = Cell::in_dir(&bench.path("run"), "c1").unwrap();
+    let (q0, outcome) = (WAM7_START_POSTURE, OutcomeConfig::default());
+    let controlled = Controlled { model: &model, plant: &mut plant, q0, outcome };
+    let (config, state) = (ControllerConfig::default(), bench.path("state/c1"));
+    rt_controller::run(&cell, &config, Pace::Max, controlled, Some(&state), stop).unwrap();
+}
+
+fn status(bench: &Bench) -> Value {
+    serde_json::from_str(&bench.ok(&["status", "--cell", "c1", "--json"])).unwrap()
+}
+
+#[test]
+fn a_session_waits_for_the_rearm_and_comes_out_the_same() {
+    let bench = Bench::new();
+    let (is_cut, stop) = (AtomicBool::new(false), AtomicBool::new(false));
+    std::thread::scope(|scope| {
+        scope.spawn(|| run(&bench, &is_cut, &stop));
+        let _stopping = Stopping(&stop);
+        let config = bench.write("c.toml", "[learner]\nrollouts = 25\nseed = 3\n");
+        let learner = ["learner", "--cell", "c1", "--session", "s", "--config"];
+        let learner = bench.start(&[&learner[..], &[config.to_str().unwrap()]].concat());
+        bench.wait_for_trials("s", 5);
+        bench.refused(&["rearm", "--cell", "c1"], &["nothing is latched"]);
+
+        is_cut.store(true, Ordering::Relaxed);
+        let held = eventually("the latch", || {
+            Some(status(&bench)).filter(|status| !status["latched_fault"].is_null())
+        });
+        assert_eq!(held["latched_fault"], "the measurement is stale");
+        assert!(held["latched_s"].is_number());
+        assert_eq!(held["fault_records"], 1);
+        bench.refused(&["rearm", "--cell", "c1"], &["the measurement is stale", "mend it"]);
+        let n = bench.trials("s").len();
+        std::thread::sleep(std::time::Duration::from_millis(500));
+        assert!(bench.trials("s").len() <= n + 1, "the learner waits");
+        let text = bench.ok(&["status", "--cell", "c1"]);
+        assert!(text.contains("held  ") && text.contains("1 flight records in"), "{text}");
+
+        is_cut.store(false, Ordering::Relaxed);
+        eventually("a cause that is gone", || {
+            (status(&bench)["latched_cause_present"] == false).then_some(())
+        });
+        assert!(bench.ok(&["rearm", "--cell", "c1"]).contains("re-armed"));
+        let output = learner.wait();
+        let log = util::stderr(&output);
+        assert!(output.status.success(), "{log}");
+        assert!(log.contains("waiting for `skillet rearm`") && log.contains("re-armed"), "{log}");
+    });
+    let undisturbed =
+        ["learn", "pancake", "--seed", "3", "--rollouts", "25", "--out", "undisturbed"];
+    bench.ok(&undisturbed);
+    assert_eq!(bits(&bench.trials("s")), bits(&bench.trials("undisturbed")));
+}
