@@ -7,6 +7,9 @@ use crate::bench::service::resident_mib;
 /// Share of the looks at the beginning that are left out: caches fill, pages are touched first.
 const WARM_UP: f64 = 0.1;
 
+/// Looks in a quarter of a life that is long enough to tell.
+const MIN_LOOKS: usize = 5;
+
 /// A look after every session.
 #[derive(Clone, Debug, Default)]
 pub struct Footprint {
@@ -36,7 +39,7 @@ impl Footprint {
     pub fn trend(&self) -> Option<[Held; 2]> {
         let warm = &self.looks[(WARM_UP * self.looks.len() as f64).ceil() as usize..];
         let quarter = warm.len() / 4;
-        (quarter > 0).then(|| [typical(&warm[..quarter]), typical(&warm[warm.len() - quarter..])])
+        (quarter >= MIN_LOOKS).then(|| [typical(&warm[..quarter]), typical(&warm[warm.len() - quarter..])])
     }
 
     pub fn most(&self) -> Option<Held> {
