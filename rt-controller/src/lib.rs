@@ -15,6 +15,8 @@ pub mod config;
 mod dry_run;
 mod exchange;
 pub mod fault;
+#[cfg(fuzzing)]
+pub mod fuzzing;
 mod hand_over;
 mod keeper;
 mod learner_link;
