@@ -12,7 +12,7 @@ use iceoryx2::service::port_factory::{event, publish_subscribe, request_response
 use thiserror::Error;
 
 use crate::SCHEMA;
-use crate::cell::Cell;
+use crate::cell::{Cell, CellError};
 use crate::command::{Command, Reply};
 use crate::episode::{EpisodeHeader, TickRecord};
 
@@ -38,6 +38,8 @@ pub const EPISODE_LOANS: usize = 2;
 /// Why a channel is not available.
 #[derive(Debug, Error)]
 pub enum ChannelError {
+    #[error(transparent)]
+    Cell(#[from] CellError),
     #[error(
         "cannot join the cell '{cell}': {reason}; check that its runtime directory is yours and that /dev/shm has space"
     )]
@@ -74,6 +76,7 @@ pub(crate) struct Qos {
 }
 
 pub(crate) fn node(cell: &Cell) -> Result<Node<Ipc>, ChannelError> {
+    cell.expect_own()?;
     set_log_level(LogLevel::Error);
     NodeBuilder::new()
         .config(&cell.ipc_config())

@@ -114,6 +114,10 @@ fn report(event: &Event, line: &mut TrialLine, json: bool) {
         Event::ControllerBack => tracing::info!("controller is back"),
         Event::Pinned(true) => tracing::warn!("the controller serves a pinned policy; waiting"),
         Event::Pinned(false) => tracing::info!("the controller takes proposals again"),
+        Event::NotStored(reason) => {
+            tracing::error!("not stored: {reason}; waiting, tried again every second");
+        }
+        Event::Stored => tracing::info!("stored after all; going on"),
         Event::SetAside { rollout, reason } => {
             tracing::warn!("rollout {rollout} set aside, not learnt: {reason}");
         }
