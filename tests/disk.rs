@@ -112,9 +112,8 @@ fn a_disk_that_fills_up_under_the_session_makes_the_learner_wait() {
     let session = place.inside("s");
     let learner = ["learner", "--cell", "c1", "--session", &session, "--config", &config];
     let first = place.start(&bench, &learner);
-    let seen = place.outside("s").to_str().unwrap().to_string();
-    bench.wait_for_trials(&seen, 3);
-    let trials = || bench.trials(&seen).len();
+    place.wait_for_trials(&bench, "s", 3);
+    let trials = || place.trial_count(&bench, "s");
 
     let stored = stand_still(&bench, &place, &trials) as u64;
     assert!(is_alive(first.pid()), "it waits");
@@ -127,7 +126,7 @@ fn a_disk_that_fills_up_under_the_session_makes_the_learner_wait() {
             .filter(|status| status["learner_age_s"].as_f64().is_some_and(|age| age < 0.5))
     });
     place.free();
-    bench.wait_for_trials(&seen, stored as usize + 3);
+    place.wait_for_trials(&bench, "s", stored as usize + 3);
 
     let stored = stand_still(&bench, &place, &trials);
     kill(first.pid(), "KILL");
@@ -171,7 +170,7 @@ fn read_only_folders_are_refused_at_the_start() {
     place.remount("rw");
     let running = place.start(&bench, &controller);
     let learning = place.start(&bench, &learner);
-    bench.wait_for_trials(place.outside("s").to_str().unwrap(), 3);
+    place.wait_for_trials(&bench, "s", 3);
     for process in [learning, running] {
         process.signal("TERM");
         process.wait();

@@ -8,7 +8,7 @@
 //! ```
 
 use std::fs::{self, File, OpenOptions};
-use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
 use iceoryx2::prelude::{Config, FileName, Path as IpcPath, SemanticString};
@@ -19,6 +19,7 @@ use crate::Digest;
 
 /// Where iceoryx2 keeps shared-memory files on Linux.
 const SHM_DIR: &str = "/dev/shm";
+const OPEN_SEGMENT: &str = ".global_mgmt";
 /// iceoryx2 puts sockets below its root, whose paths end at 108 bytes.
 const MAX_ROOT_LEN: usize = 60;
 const MAX_NAME_LEN: usize = 24;
@@ -205,13 +206,24 @@ impl Cell {
     /// the cell: what cannot be deleted now either does no harm or is reported when it is opened.
     fn wipe(&self) {
         let _ = fs::remove_dir_all(self.ipc_dir());
-        let prefix = self.shm_prefix();
-        let Ok(entries) = fs::read_dir(SHM_DIR) else { return };
-        for entry in entries.flatten() {
-            if entry.file_name().to_string_lossy().starts_with(&prefix) {
-                let _ = fs::remove_file(entry.path());
-            }
+        for path in self.shm_files() {
+            let _ = fs::remove_file(path);
         }
+    }
+
+    /// iceoryx2 opens one segment of every cell, a counter, to all users; none of them needs it.
+    pub(crate) fn close_to_others(&self) {
+        for path in self.shm_files().filter(|path| path.to_string_lossy().ends_with(OPEN_SEGMENT)) {
+            let _ = fs::set_permissions(path, fs::Permissions::from_mode(0o600));
+        }
+    }
+
+    fn shm_files(&self) -> impl Iterator<Item = PathBuf> {
+        let prefix = self.shm_prefix();
+        let entries = fs::read_dir(SHM_DIR).into_iter().flatten().flatten();
+        entries
+            .filter(move |entry| entry.file_name().to_string_lossy().starts_with(&prefix))
+            .map(|entry| entry.path())
     }
 }
 

@@ -78,12 +78,14 @@ pub(crate) struct Qos {
 pub(crate) fn node(cell: &Cell) -> Result<Node<Ipc>, ChannelError> {
     cell.expect_own()?;
     set_log_level(LogLevel::Error);
-    NodeBuilder::new()
+    let node = NodeBuilder::new()
         .config(&cell.ipc_config())
         // Signals belong to the process, not to its transport.
         .signal_handling_mode(SignalHandlingMode::Disabled)
         .create::<Ipc>()
-        .map_err(|e| ChannelError::Node { cell: cell.name().into(), reason: format!("{e:?}") })
+        .map_err(|e| ChannelError::Node { cell: cell.name().into(), reason: format!("{e:?}") })?;
+    cell.close_to_others();
+    Ok(node)
 }
 
 fn service_name(name: &'static str) -> Result<ServiceName, ChannelError> {

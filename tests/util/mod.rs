@@ -127,6 +127,10 @@ impl Running {
         self.child.as_ref().unwrap().id()
     }
 
+    pub fn has_ended(&mut self) -> bool {
+        self.child.as_mut().unwrap().try_wait().unwrap().is_some()
+    }
+
     pub fn signal(&self, signal: &str) {
         kill(self.pid(), signal);
     }

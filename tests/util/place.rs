@@ -28,11 +28,11 @@ impl Place {
             .arg(&dir)
             .stdout(Stdio::piped());
         let holder = Running::start(&mut holder);
-        let place = Place { holder, dir };
+        let mut place = Place { holder, dir };
         let up = eventually("the disk, or its refusal", || {
             match fs::read_to_string(format!("/proc/{}/mounts", place.holder.pid())) {
                 Ok(mounts) if mounts.contains("skillet-test") => Some(true),
-                _ => (!super::is_alive(place.holder.pid())).then_some(false),
+                _ => place.holder.has_ended().then_some(false),
             }
         });
         if !up {
@@ -59,8 +59,8 @@ impl Place {
         command
     }
 
-    /// A process that sees the disk.
-    pub fn start(&self, bench: &Bench, arguments: &[&str]) -> Running {
+    /// `skillet <arguments>` as a process that sees the disk, not yet started.
+    fn skillet(&self, bench: &Bench, arguments: &[&str]) -> Command {
         let skillet = bench.skillet(arguments);
         let mut command = self.enter();
         command.arg(skillet.get_program()).args(skillet.get_args());
@@ -70,8 +70,27 @@ impl Place {
                 None => command.env_remove(key),
             };
         }
-        command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped());
-        Running::start(&mut command)
+        command.stdin(Stdio::null());
+        command
+    }
+
+    pub fn start(&self, bench: &Bench, arguments: &[&str]) -> Running {
+        let mut command = self.skillet(bench, arguments);
+        Running::start(command.stdout(Stdio::null()).stderr(Stdio::piped()))
+    }
+
+    /// Trials of the session `name`. SQLite itself must be on the disk: it resolves the links of /proc
+    /// to places outside.
+    pub fn trial_count(&self, bench: &Bench, name: &str) -> usize {
+        let list = ["policy", "list", &self.inside(name), "--json"];
+        let output = self.skillet(bench, &list).output().unwrap();
+        let rows: Option<Vec<serde_json::Value>> = serde_json::from_slice(&output.stdout).ok();
+        rows.map_or(0, |rows| rows.len())
+    }
+
+    pub fn wait_for_trials(&self, bench: &Bench, name: &str, n: usize) {
+        let enough = || (self.trial_count(bench, name) >= n).then_some(());
+        eventually(&format!("{n} trials on the disk"), enough);
     }
 
     /// Takes the last byte; again, when others have freed some.
