@@ -39,14 +39,16 @@ const SET_ASIDE: u32 = 3;
 /// A rollout that takes longer, Approach included, is asked for again.
 const ROLLOUT: Duration = Duration::from_secs(30);
 
-/// Runs the session until it is done or stopped.
+/// Runs the session until it is done or stopped. When the disk refuses something, it waits if it
+/// `is_patient`, as a service is; else that is its end.
 pub fn run(
     ports: &LearnerPorts,
     learner: &mut Learner,
+    is_patient: bool,
     stop: &AtomicBool,
     on_event: &mut dyn FnMut(Event),
 ) -> Result<End, SessionError> {
-    let mut link = Link::new(ports);
+    let mut link = Link::new(ports, is_patient);
     // The last acknowledgement of an earlier run may have been lost with its process.
     link.acknowledge(learner);
     while !learner.is_done() {
@@ -66,6 +68,7 @@ pub fn run(
 /// The learner's side of the cell, with what is known of the other side.
 struct Link<'a> {
     ports: &'a LearnerPorts,
+    is_patient: bool,
     next_beat: Instant,
     next_housekeeping: Instant,
     beat_counter: u64,
@@ -77,10 +80,11 @@ struct Link<'a> {
 }
 
 impl<'a> Link<'a> {
-    fn new(ports: &'a LearnerPorts) -> Link<'a> {
+    fn new(ports: &'a LearnerPorts, is_patient: bool) -> Link<'a> {
         let now = Instant::now();
         Link {
             ports,
+            is_patient,
             next_beat: now,
             next_housekeeping: now + HOUSEKEEPING,
             beat_counter: 0,
@@ -218,7 +222,7 @@ impl<'a> Link<'a> {
         loop {
             if refused.is_none_or(|at| at.elapsed() >= RETRY) {
                 match store() {
-                    Err(LearnerError::Store(error)) if may_pass(&error) => {
+                    Err(LearnerError::Store(error)) if self.is_patient && may_pass(&error) => {
                         if refused.is_none() {
                             on_event(Event::NotStored(error.to_string()));
                         }

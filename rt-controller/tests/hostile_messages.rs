@@ -1,5 +1,6 @@
 //! Commands and episodes, as a broken or hostile peer would send them: nothing panics, and what is
 //! taken keeps what the receiver relies on.
+#![allow(non_snake_case)] // matrices
 
 mod hostile;
 

@@ -2,6 +2,7 @@
 //! and no admitted policy makes the tick give a torque beyond the limits.
 //!
 //! A short run by default; SKILLET_HOSTILE_MESSAGES=10000000 for the long one.
+#![allow(non_snake_case)] // matrices
 
 mod common;
 mod hostile;

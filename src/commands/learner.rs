@@ -64,7 +64,9 @@ pub fn run(args: &LearnerArgs) -> Result<Verdict> {
     tracing::info!(cell = cell.name(), session = %folder.dir().display(), "learner ready");
     let mut line = TrialLine::so_far(&learner.summary());
     let mut on_event = |event| report(&event, &mut line, args.json);
-    let end = session::run(&ports, &mut learner, &stop, &mut on_event)?;
+    // Whoever sits before a `learn` is told at once, and repeats it.
+    let is_service = args.child.is_none();
+    let end = session::run(&ports, &mut learner, is_service, &stop, &mut on_event)?;
     let _ = sd_notify::notify(false, &[NotifyState::Stopping]);
     let modes = learner.modes()?;
     let answer = choose(modes.iter().map(|(report, _)| report), config.learner.prefer);

@@ -1,5 +1,6 @@
 //! Policies: noise, valid ones with something changed, and valid or nearly valid ones at the bounds.
 
+use nalgebra::Matrix6;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use shm_types::policy::{ACTIVATION_DECAY, ACTIVATION_TIME, Component, PolicyMsg, packed_index};
@@ -104,9 +105,9 @@ fn attractor(rng: &mut ChaCha8Rng, arm: &Arm) -> [f64; TASK_DIM] {
 
 /// K = Q diag(λ) Qᵀ with λ between the bounds, most evenly over the decades; Q of plane rotations.
 fn set_stiffness(component: &mut Component, d: usize, rng: &mut ChaCha8Rng) {
-    let mut k = [[0.0; TASK_DIM]; TASK_DIM];
-    for (i, row) in k.iter_mut().enumerate().take(d) {
-        row[i] = 10_f64.powf(between(-3.0, 5e4_f64.log10(), rng));
+    let mut K = Matrix6::zeros();
+    for i in 0..d {
+        K[(i, i)] = 10_f64.powf(between(-3.0, 5e4_f64.log10(), rng));
     }
     for _ in 0..rng.random_range(0..2 * d) {
         let (i, j) = (rng.random_range(0..d), rng.random_range(0..d));
@@ -114,16 +115,13 @@ fn set_stiffness(component: &mut Component, d: usize, rng: &mut ChaCha8Rng) {
             continue;
         }
         let (sin, cos) = rng.random_range(0.0..std::f64::consts::TAU).sin_cos();
-        for row in &mut k {
-            (row[i], row[j]) = (cos * row[i] - sin * row[j], sin * row[i] + cos * row[j]);
-        }
-        for c in 0..d {
-            (k[i][c], k[j][c]) = (cos * k[i][c] - sin * k[j][c], sin * k[i][c] + cos * k[j][c]);
-        }
+        let mut R = Matrix6::identity();
+        (R[(i, i)], R[(j, j)], R[(i, j)], R[(j, i)]) = (cos, cos, -sin, sin);
+        K = R.transpose() * K * R;
     }
     for row in 0..d {
         for column in 0..=row {
-            component.stiffness[packed_index(row, column)] = k[row][column];
+            component.stiffness[packed_index(row, column)] = K[(row, column)];
         }
     }
 }
