@@ -296,4 +296,5 @@ fn overlay(base: &mut toml::Table, over: toml::Table) {
 }
 
 #[cfg(test)]
+#[path = "config/tests.rs"] // also where the fuzzer takes this file from here
 mod tests;

@@ -35,6 +35,8 @@ pub enum Verdict {
 }
 
 fn main() -> ExitCode {
+    // Whatever is written, sessions and reports included, is this user's alone.
+    rustix::process::umask(rustix::fs::Mode::RWXG | rustix::fs::Mode::RWXO);
     let cli = Cli::parse();
     let result = match &cli.verb {
         Verb::Learn(args) => commands::learn::run(args),

@@ -41,6 +41,12 @@ impl SessionFolder {
     /// An existing session. The error says what is missing.
     pub fn open(dir: &Path) -> Result<SessionFolder> {
         let folder = SessionFolder::at(dir);
+        match fs::metadata(folder.config_path()) {
+            Err(error) if error.kind() == std::io::ErrorKind::PermissionDenied => {
+                return Err(error).with_context(|| folder.cannot("look into it"));
+            }
+            _ => {}
+        }
         if !folder.has_session() {
             bail!(
                 "{}: no session here ({CONFIG} and {DATABASE} are missing); give the folder that \

@@ -170,8 +170,9 @@ fn a_full_disk_stops_the_session_without_losing_what_it_had() {
     // To a process, a limit on the size of its files is a full disk.
     let kib = fs::metadata(bench.path("s/session.db")).unwrap().len() / 1024 + 24;
     let skillet = env!("CARGO_BIN_EXE_skillet");
-    let script =
-        format!("trap '' XFSZ; ulimit -f {kib}; exec {skillet} learner --cell full --session s");
+    // The learner of a `learn`; that of a service waits, see disk.rs.
+    let child = format!("--child {} --cell full --session s", std::process::id());
+    let script = format!("trap '' XFSZ; ulimit -f {kib}; exec {skillet} learner {child}");
     let output = std::process::Command::new("bash")
         .args(["-c", &script])
         .current_dir(bench.path("."))

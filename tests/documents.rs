@@ -34,7 +34,9 @@ fn what_config_prints_is_a_configuration() {
 #[test]
 fn files_named_in_documents_exist() {
     let mut named = 0;
-    for document in ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "docs/paper.md"] {
+    for document in
+        ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "SECURITY.md", "docs/paper.md"]
+    {
         let text = fs::read_to_string(root().join(document)).unwrap();
         for word in text.split(['`', '(', ')', ' ', ',', ';', '\n']) {
             let is_path = word.contains('/') && !word.contains(['{', '<', '*', ':']);

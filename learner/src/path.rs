@@ -32,7 +32,8 @@ pub struct PathError {
 
 impl PathRow {
     fn from_record(record: &TickRecord) -> Self {
-        let single = |value: f64| value as f32;
+        // What single precision cannot hold is the largest it can: still a number, like its source.
+        let single = |value: f64| value.clamp(f32::MIN.into(), f32::MAX.into()) as f32;
         PathRow {
             t_s: single(record.t_s),
             pan_position: std::array::from_fn(|c| single(record.x[c])),
@@ -94,6 +95,14 @@ pub fn decode(bytes: &[u8]) -> Result<Vec<PathRow>, PathError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_number_stays_a_number() {
+        let mut record = TickRecord { t_s: 1e300, ..TickRecord::ZERO };
+        record.object_position[2] = -f64::MAX;
+        let columns = decimate(&[record])[0].columns();
+        assert_eq!((columns[0], columns[9]), (f32::MAX, f32::MIN));
+    }
 
     #[test]
     fn keeps_every_tenth_record_and_survives_a_round_trip() {

@@ -5,24 +5,27 @@
 //! visibly. What it must not do twice, it does not: [`Learner::complete`] refuses an episode that
 //! is late, foreign or a duplicate.
 
+mod event;
+
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use sd_notify::NotifyState;
 use shm_types::SCHEMA;
-use shm_types::channel::ChannelError;
 use shm_types::episode::Ack;
 use shm_types::policy::PolicyMsg;
 use shm_types::ports::LearnerPorts;
 use shm_types::telemetry::Heartbeat;
-use thiserror::Error;
 
 use crate::error::{CompleteError, LearnerError};
 use crate::learner::Learner;
 use crate::summary::TrialReport;
+pub use event::{End, Event, SessionError};
 
 /// Longest wait for an episode before the loop looks around.
 const WAIT: Duration = Duration::from_millis(50);
+/// What the disk refused is tried again after this long.
+const RETRY: Duration = Duration::from_secs(1);
 const BEAT: Duration = Duration::from_millis(100);
 const HOUSEKEEPING: Duration = Duration::from_secs(1);
 /// A controller whose heartbeat is older than this is silent.
@@ -35,73 +38,22 @@ const SET_ASIDE: u32 = 3;
 /// A rollout that takes longer, Approach included, is asked for again.
 const ROLLOUT: Duration = Duration::from_secs(30);
 
-/// What an onlooker may want to know.
-#[derive(Debug)]
-pub enum Event {
-    Trial(TrialReport),
-    /// Nothing was heard from the controller for this long; the learner waits.
-    ControllerSilent(Duration),
-    ControllerBack,
-    /// The controller serves a pinned policy, and what was asked for waits; or does no more.
-    Pinned(bool),
-    /// The arm is held after this fault of the machine, and what was asked for waits until it is
-    /// re-armed; or, 0, it no longer is.
-    Held(u64),
-    /// The rollout gave no usable episode: stored and counted, not learnt.
-    SetAside {
-        rollout: u64,
-        reason: String,
-    },
-    /// The rollout was asked for again.
-    AskedAgain {
-        rollout: u64,
-        reason: String,
-    },
-}
-
-/// How the loop ended without an error.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum End {
-    /// All rollouts are done.
-    Done,
-    /// `stop` was set; everything told so far is stored.
-    Stopped,
-}
-
-#[derive(Debug, Error)]
-pub enum SessionError {
-    #[error(transparent)]
-    Learner(#[from] LearnerError),
-    #[error(transparent)]
-    Channel(#[from] ChannelError),
-    #[error(
-        "rollout {rollout} was not executed in {attempts} attempts: {reason}; everything before it \
-         is saved"
-    )]
-    NotExecuted { rollout: u64, attempts: u32, reason: String },
-    #[error(
-        "{rollouts} rollouts in a row, up to {last}, gave no usable episode: {reason}; everything \
-         is saved, mend the controller and resume"
-    )]
-    Unusable { rollouts: u32, last: u64, reason: String },
-    #[error(
-        "policy of rollout {rollout} cannot be published ({reason}); restart learner and controller"
-    )]
-    Publish { rollout: u64, reason: String },
-}
-
-/// Runs the session until it is done or stopped.
+/// Runs the session until it is done or stopped. When the disk refuses something, it waits if it
+/// `is_patient`, as a service is; else that is its end.
 pub fn run(
     ports: LearnerPorts,
     learner: &mut Learner,
+    is_patient: bool,
     stop: &AtomicBool,
     on_event: &mut dyn FnMut(Event),
 ) -> Result<End, SessionError> {
-    let mut link = Link::new(ports);
+    let mut link = Link::new(ports, is_patient);
     // The last acknowledgement of an earlier run may have been lost with its process.
     link.acknowledge(learner);
     while !learner.is_done() {
-        let policy = learner.next_policy()?;
+        let Some(policy) = link.stored(stop, on_event, || learner.next_policy())? else {
+            return Ok(End::Stopped);
+        };
         link.publish(&policy)?;
         let Some(report) = link.await_trial(learner, &policy, stop, on_event)? else {
             return Ok(End::Stopped);
@@ -115,6 +67,7 @@ pub fn run(
 /// The learner's side of the cell, with what is known of the other side.
 struct Link {
     ports: LearnerPorts,
+    is_patient: bool,
     next_beat: Instant,
     next_housekeeping: Instant,
     beat_counter: u64,
@@ -128,10 +81,11 @@ struct Link {
 }
 
 impl Link {
-    fn new(ports: LearnerPorts) -> Link {
+    fn new(ports: LearnerPorts, is_patient: bool) -> Link {
         let now = Instant::now();
         Link {
             ports,
+            is_patient,
             next_beat: now,
             next_housekeeping: now + HOUSEKEEPING,
             beat_counter: 0,
@@ -171,12 +125,18 @@ impl Link {
         let mut attempts = 0;
         loop {
             while let Ok(Some(episode)) = self.ports.episodes.receive() {
-                match learner.complete(policy, episode.user_header(), episode.payload()) {
+                let completed = self.stored(stop, on_event, || {
+                    match learner.complete(policy, episode.user_header(), episode.payload()) {
+                        Err(CompleteError::Learner(error)) => Err(error),
+                        completed => Ok(completed),
+                    }
+                })?;
+                let Some(completed) = completed else { return Ok(None) };
+                match completed {
                     Ok(report) => {
                         self.set_aside_in_a_row = 0;
                         return Ok(Some(report));
                     }
-                    Err(CompleteError::Learner(error)) => return Err(error.into()),
                     // An operator's or the machine's doing, as often as it comes: no attempt of ours.
                     Err(
                         no_trial @ (CompleteError::Swapped { rollout }
@@ -198,7 +158,7 @@ impl Link {
                             return Err(SessionError::NotExecuted { rollout, attempts, reason });
                         }
                         if attempts == ATTEMPTS {
-                            return self.set_aside(learner, rollout, reason, on_event).map(Some);
+                            return self.set_aside(learner, rollout, reason, stop, on_event);
                         }
                         on_event(Event::AskedAgain { rollout, reason });
                         self.publish(policy)?;
@@ -238,19 +198,57 @@ impl Link {
         learner: &mut Learner,
         rollout: u64,
         reason: String,
+        stop: &AtomicBool,
         on_event: &mut dyn FnMut(Event),
-    ) -> Result<TrialReport, SessionError> {
+    ) -> Result<Option<TrialReport>, SessionError> {
         self.set_aside_in_a_row += 1;
         if self.set_aside_in_a_row == SET_ASIDE {
             return Err(SessionError::Unusable { rollouts: SET_ASIDE, last: rollout, reason });
         }
-        let report = match learner.set_aside(&reason) {
-            Ok(report) => report,
-            Err(CompleteError::Learner(error)) => return Err(error.into()),
+        let report = self.stored(stop, on_event, || match learner.set_aside(&reason) {
+            Ok(report) => Ok(report),
+            Err(CompleteError::Learner(error)) => Err(error),
             Err(other) => unreachable!("the rollout is pending: {other}"),
-        };
-        on_event(Event::SetAside { rollout, reason });
+        })?;
+        if report.is_some() {
+            on_event(Event::SetAside { rollout, reason });
+        }
         Ok(report)
+    }
+
+    /// Has something stored, again and again while the disk refuses it; `None` when stopped. Nothing
+    /// is lost meanwhile: what was not stored was not learnt, published or acknowledged.
+    fn stored<T>(
+        &mut self,
+        stop: &AtomicBool,
+        on_event: &mut dyn FnMut(Event),
+        mut store: impl FnMut() -> Result<T, LearnerError>,
+    ) -> Result<Option<T>, SessionError> {
+        let mut refused: Option<Instant> = None;
+        loop {
+            if refused.is_none_or(|at| at.elapsed() >= RETRY) {
+                match store() {
+                    Err(LearnerError::Store(error)) if self.is_patient && error.may_pass() => {
+                        if refused.is_none() {
+                            on_event(Event::NotStored(error.to_string()));
+                        }
+                        refused = Some(Instant::now());
+                    }
+                    result => {
+                        if refused.is_some() && result.is_ok() {
+                            on_event(Event::Stored);
+                        }
+                        return Ok(Some(result?));
+                    }
+                }
+            }
+            if stop.load(Ordering::Relaxed) {
+                return Ok(None);
+            }
+            // Who restarted meanwhile gets the next policy.
+            self.look_around(on_event)?;
+            std::thread::sleep(WAIT);
+        }
     }
 
     /// Beats, listens to the controller's beat, cleans up. True when the controller is a new one.

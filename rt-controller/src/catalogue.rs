@@ -6,7 +6,7 @@ use shm_types::policy::{PolicyMsg, PolicyName};
 use shm_types::policy_json;
 use thiserror::Error;
 
-use crate::keeper::{Keeper, Kept};
+use crate::keeper::{Keeper, Kept, own_folder};
 use crate::state_file::{Remember, STATE_FILE, State, StateError, state_text};
 
 /// More policies than anybody compares; a runaway script must not fill the disk.
@@ -46,7 +46,7 @@ impl Catalogue {
         };
         if let Some(dir) = dir {
             let io = |source| StateError::Io { path: dir.to_path_buf(), source };
-            std::fs::create_dir_all(dir).map_err(io)?;
+            own_folder(dir).map_err(io)?;
             catalogue.keeper = Some(Keeper::start().map_err(io)?);
             catalogue.state = State::read(dir)?;
         }

@@ -199,10 +199,11 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
     }
 
     /// The spool is full: no further proposal is executed, unless it lies there already.
-    fn must_pause(&self) -> bool {
-        let (Some(spool), Some(proposal)) = (&self.spool, &self.link.proposal) else {
+    fn must_pause(&mut self) -> bool {
+        let (Some(spool), Some(proposal)) = (&mut self.spool, &self.link.proposal) else {
             return false;
         };
+        spool.asked_by(proposal.session);
         spool.is_full() && !spool.holds(&proposal.name())
     }
 

@@ -87,12 +87,24 @@ pub(crate) fn write_whole(path: &Path, content: &[u8]) -> io::Result<()> {
     let dir = path.parent().unwrap_or(Path::new("."));
     fs::DirBuilder::new().recursive(true).mode(0o700).create(dir)?;
     let draft = path.with_extension("new");
-    let mut file =
-        OpenOptions::new().write(true).create(true).truncate(true).mode(0o600).open(&draft)?;
-    file.write_all(content)?;
-    file.sync_all()?;
-    fs::rename(&draft, path)?;
+    write_draft(&draft, content).and_then(|()| fs::rename(&draft, path)).inspect_err(|_| {
+        // Half a draft would keep the space that is missing.
+        let _ = fs::remove_file(&draft);
+    })?;
     File::open(dir)?.sync_all()
+}
+
+fn write_draft(draft: &Path, content: &[u8]) -> io::Result<()> {
+    let mut file =
+        OpenOptions::new().write(true).create(true).truncate(true).mode(0o600).open(draft)?;
+    file.write_all(content)?;
+    file.sync_all()
+}
+
+/// Creates a folder for this user alone, or makes sure that one may write there.
+pub(crate) fn own_folder(dir: &Path) -> io::Result<()> {
+    fs::DirBuilder::new().recursive(true).mode(0o700).create(dir)?;
+    Ok(rustix::fs::access(dir, rustix::fs::Access::WRITE_OK)?)
 }
 
 #[cfg(test)]

@@ -18,6 +18,8 @@ mod exchange;
 pub mod fault;
 mod flight;
 pub mod flight_files;
+#[cfg(fuzzing)]
+pub mod fuzzing;
 mod hand_over;
 mod keeper;
 mod latch;

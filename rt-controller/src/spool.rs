@@ -21,10 +21,13 @@ use shm_types::{Digest, SCHEMA};
 use thiserror::Error;
 use zerocopy::{FromBytes, IntoBytes};
 
-use crate::keeper::write_whole;
+use crate::keeper::{own_folder, write_whole};
 
-/// Episodes kept at most; then learning pauses and the oldest stay.
+/// Episodes kept of one session at most; then its learning pauses and the oldest stay.
 const MAX_EPISODES: usize = 64;
+/// Episodes kept of all sessions. Those whose learner never comes back must not block the others
+/// soon, nor fill the disk.
+const MAX_OF_ALL: usize = 1024;
 const MAGIC: u64 = u64::from_le_bytes(*b"SKEPISOD");
 
 /// Why a file is no episode.
@@ -54,13 +57,15 @@ pub(crate) struct Spool {
     names: BTreeMap<(u64, u64), PolicyName>,
     /// With the thread; sent as soon as it is written.
     writing: Vec<PolicyName>,
+    /// The session that asked last.
+    asking: u64,
 }
 
 impl Spool {
     /// With what an earlier run left. A file that is no whole episode is removed: its rollout was
     /// never acknowledged and will be asked for again.
     pub fn open(dir: &Path) -> io::Result<Spool> {
-        fs::create_dir_all(dir)?;
+        own_folder(dir)?;
         let (orders, inbox) = channel();
         let (outbox, spooled) = channel();
         let mut names = BTreeMap::new();
@@ -78,16 +83,22 @@ impl Spool {
         let work = move || spool(&inbox, &outbox);
         let thread = std::thread::Builder::new().name("skillet-spool".into()).spawn(work)?;
         let (orders, thread) = (Some(orders), Some(thread));
-        let writing = Vec::new();
-        Ok(Spool { dir: dir.to_path_buf(), orders, spooled, thread, names, writing })
+        let (dir, writing) = (dir.to_path_buf(), Vec::new());
+        Ok(Spool { dir, orders, spooled, thread, names, writing, asking: 0 })
     }
 
     pub fn len(&self) -> usize {
         self.names.len()
     }
 
+    pub fn asked_by(&mut self, session: u64) {
+        self.asking = session;
+    }
+
+    /// For the session that asked last.
     pub fn is_full(&self) -> bool {
-        self.len() >= MAX_EPISODES
+        let own = self.names.range((self.asking, 0)..=(self.asking, u64::MAX)).count();
+        own >= MAX_EPISODES || self.len() >= MAX_OF_ALL
     }
 
     /// Orders a finished episode to be written; [`Spool::spooled`] gives it back.
@@ -195,7 +206,7 @@ fn encode(header: &EpisodeHeader, records: &[TickRecord]) -> Vec<u8> {
     bytes
 }
 
-fn decode(bytes: &[u8]) -> Result<(EpisodeHeader, Vec<TickRecord>), SpoolError> {
+pub(crate) fn decode(bytes: &[u8]) -> Result<(EpisodeHeader, Vec<TickRecord>), SpoolError> {
     let (content, digest) = bytes.split_last_chunk::<8>().ok_or(SpoolError::Damaged)?;
     if Digest::new().bytes(content).finish() != u64::from_ne_bytes(*digest) {
         return Err(SpoolError::Damaged);
@@ -245,6 +256,28 @@ mod tests {
             changed[len] ^= 0x10;
             assert!(decode(&changed).is_err(), "changed at {len}");
         }
+    }
+
+    #[test]
+    fn sessions_that_never_come_back_do_not_block_another() {
+        let dir = std::env::temp_dir().join(format!("skillet-full-{}", std::process::id()));
+        let mut spool = Spool::open(&dir).unwrap();
+        let mut put = |session: u64, n: u64| {
+            let names = (0..n).map(|rollout| ((session, rollout), PolicyName::NONE));
+            spool.names.extend(names);
+            spool.asked_by(7);
+            spool.is_full()
+        };
+        assert!(!put(1, 64) && !put(8, 64), "others of 64");
+        assert!(!put(7, 63) && put(7, 64), "its own 64th");
+        spool.acknowledged(7, 0);
+        assert!(!spool.is_full(), "63 again");
+        (10..24).for_each(|session| {
+            spool.names.extend((0..64).map(|rollout| ((session, rollout), PolicyName::NONE)));
+        });
+        assert!(spool.is_full(), "all together");
+        drop(spool);
+        fs::remove_dir_all(&dir).unwrap();
     }
 
     #[test]

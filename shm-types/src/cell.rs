@@ -145,6 +145,22 @@ impl Cell {
         }
     }
 
+    /// That the cell, if it is there, is this user's: the transport would only say that it failed.
+    pub(crate) fn expect_own(&self) -> Result<(), CellError> {
+        for dir in self.dir.parent().into_iter().chain([self.dir.as_path()]) {
+            match fs::metadata(dir) {
+                Ok(there) if there.uid() != uid() => {
+                    return Err(CellError::Foreign { path: dir.to_path_buf(), uid: there.uid() });
+                }
+                Err(source) if source.kind() == std::io::ErrorKind::PermissionDenied => {
+                    return Err(CellError::Io { path: dir.to_path_buf(), source });
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
     pub(crate) fn dir(&self) -> &Path {
         &self.dir
     }

@@ -93,6 +93,7 @@ impl Member {
 
     /// Of the current one; `None` when there is none.
     pub fn join(cell: &Cell) -> Result<Option<Member>, ChannelError> {
+        cell.expect_own()?;
         Generation::current(cell).map(|generation| Member::of(cell, generation)).transpose()
     }
 
@@ -107,6 +108,7 @@ impl Member {
                 cell: cell.name().into(),
                 reason: format!("{e:?}"),
             })?;
+        generation.close_to_others();
         Ok(Member { node, generation })
     }
 }

@@ -12,6 +12,7 @@
 //! ```
 
 use std::fs::{self, File};
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
 use iceoryx2::prelude::{Config, FileName, Path as IpcPath, SemanticString};
@@ -21,6 +22,7 @@ use crate::cell::{Cell, CellError, create_own_dir};
 
 /// Where iceoryx2 keeps shared-memory files on Linux.
 const SHM_DIR: &str = "/dev/shm";
+const OPEN_SEGMENT: &str = ".global_mgmt";
 const CURRENT: &str = "current";
 /// Numbers start again after this one: they are part of socket paths, which must stay short.
 const LAST: u16 = 9999;
@@ -81,6 +83,14 @@ impl Generation {
             config.global.set_root_path(&root);
         }
         config
+    }
+
+    /// iceoryx2 opens one segment of every generation, a counter, to all users; none of them needs it.
+    pub fn close_to_others(&self) {
+        let open = shared_memory(&self.shm_prefix).into_iter();
+        for path in open.filter(|path| path.to_string_lossy().ends_with(OPEN_SEGMENT)) {
+            let _ = fs::set_permissions(path, fs::Permissions::from_mode(0o600));
+        }
     }
 
     fn enter(cell: &Cell, number: u16) -> std::io::Result<Generation> {

@@ -68,7 +68,9 @@ pub fn run(args: &LearnerArgs) -> Result<Verdict> {
     tracing::info!(cell = cell.name(), session = %folder.dir().display(), "learner ready");
     let mut line = TrialLine::so_far(&learner.summary());
     let mut on_event = |event| report(&event, &mut line, args.json);
-    let end = session::run(ports, &mut learner, &stop, &mut on_event)?;
+    // Whoever sits before a `learn` is told at once, and repeats it.
+    let is_service = args.child.is_none();
+    let end = session::run(ports, &mut learner, is_service, &stop, &mut on_event)?;
     let _ = sd_notify::notify(false, &[NotifyState::Stopping]);
     let modes = learner.modes()?;
     let answer = choose(modes.iter().map(|(report, _)| report), config.learner.prefer);
@@ -138,6 +140,14 @@ fn report(event: &Event, line: &mut TrialLine, json: bool) {
                 "the arm is held after a machine fault ({}); waiting for `skillet rearm`",
                 Fault::describe(*fault as u32)
             );
+        }
+        Event::NotStored(reason) => {
+            tell_manager("waiting: the disk refuses what was learnt");
+            tracing::error!("not stored: {reason}; waiting, tried again every second");
+        }
+        Event::Stored => {
+            tell_manager("learning");
+            tracing::info!("stored after all; going on");
         }
         Event::SetAside { rollout, reason } => {
             tracing::warn!("rollout {rollout} set aside, not learnt: {reason}");

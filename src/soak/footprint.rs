@@ -39,7 +39,8 @@ impl Footprint {
     pub fn trend(&self) -> Option<[Held; 2]> {
         let warm = &self.looks[(WARM_UP * self.looks.len() as f64).ceil() as usize..];
         let quarter = warm.len() / 4;
-        (quarter >= MIN_LOOKS).then(|| [typical(&warm[..quarter]), typical(&warm[warm.len() - quarter..])])
+        (quarter >= MIN_LOOKS)
+            .then(|| [typical(&warm[..quarter]), typical(&warm[warm.len() - quarter..])])
     }
 
     pub fn most(&self) -> Option<Held> {

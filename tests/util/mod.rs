@@ -1,6 +1,8 @@
 //! Drives the real executable, and reads what it wrote.
 #![allow(dead_code)] // each test file uses its own part
 
+pub mod place;
+
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
@@ -71,8 +73,8 @@ impl Bench {
     /// Starts a process whose output is read later.
     pub fn start(&self, arguments: &[&str]) -> Running {
         let mut command = self.skillet(arguments);
-        command.stdout(Stdio::piped()).stderr(Stdio::piped()).process_group(0);
-        Running { child: Some(command.spawn().unwrap()) }
+        command.stdout(Stdio::piped()).stderr(Stdio::piped());
+        Running::start(&mut command)
     }
 
     pub fn trials(&self, session: &str) -> Vec<TrialRecord> {
@@ -117,8 +119,16 @@ pub struct Running {
 }
 
 impl Running {
+    pub fn start(command: &mut Command) -> Running {
+        Running { child: Some(command.process_group(0).spawn().unwrap()) }
+    }
+
     pub fn pid(&self) -> u32 {
         self.child.as_ref().unwrap().id()
+    }
+
+    pub fn has_ended(&mut self) -> bool {
+        self.child.as_mut().unwrap().try_wait().unwrap().is_some()
     }
 
     pub fn signal(&self, signal: &str) {

@@ -52,6 +52,17 @@ pub enum StoreError {
 }
 
 impl StoreError {
+    /// Free space or mended permissions will help; a damaged file they will not.
+    pub fn may_pass(&self) -> bool {
+        matches!(
+            self,
+            StoreError::DiskFull { .. }
+                | StoreError::Disk { .. }
+                | StoreError::ReadOnly { .. }
+                | StoreError::Busy { .. }
+        )
+    }
+
     /// Maps an error of SQLite on the file `path` to what it means for the user.
     pub(super) fn from_sql(path: &Path, source: rusqlite::Error) -> Self {
         let path = path.to_path_buf();

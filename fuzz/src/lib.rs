@@ -1,0 +1,87 @@
+//! What the targets share: messages that are nearly right, the parts of a cell, folders in memory.
+
+use learner::config::LearnerConfig;
+use learner::reward::RewardKind;
+use learner::search::Method;
+use physics::arm::ArmModel;
+use shm_types::policy::{PolicyMsg, packed_index};
+use tempfile::TempDir;
+use zerocopy::{FromBytes, Immutable, IntoBytes};
+
+/// Numbers that a bound may have forgotten.
+const SPECIAL: [f64; 16] = [
+    f64::NAN,
+    f64::INFINITY,
+    f64::NEG_INFINITY,
+    0.0,
+    -0.0,
+    5e-324,
+    f64::MIN_POSITIVE,
+    f64::MAX,
+    -f64::MAX,
+    f64::EPSILON,
+    1e-3,
+    1.0,
+    -1.0,
+    100.0,
+    5e4,
+    1e6,
+];
+
+/// Every message as bytes: the fuzzer rarely finds one that is right as a whole, so its input is a
+/// list of changes to `base`, each offset (2 bytes), kind (1 byte) and word (8 bytes).
+pub fn patched<T: FromBytes + IntoBytes + Immutable>(base: &T, changes: &[u8]) -> T {
+    let mut bytes = base.as_bytes().to_vec();
+    for change in changes.chunks_exact(11) {
+        let at = usize::from(u16::from_le_bytes([change[0], change[1]])) * 4 % (bytes.len() - 7);
+        let at = at - at % 4;
+        let word = match SPECIAL.get(usize::from(change[2])) {
+            Some(special) => special.to_le_bytes(),
+            None => change[3..11].try_into().expect("8 bytes"),
+        };
+        bytes[at..at + 8].copy_from_slice(&word);
+    }
+    T::read_from_bytes(&bytes).expect("as many bytes as before")
+}
+
+/// The first byte says how the rest is to be read.
+pub fn split(data: &[u8]) -> (u8, &[u8]) {
+    data.split_first().map_or((0, data), |(first, rest)| (*first, rest))
+}
+
+pub const WAM7_URDF: &str = include_str!("../../robots/wam7/wam7_pan.urdf");
+
+pub fn wam() -> ArmModel {
+    ArmModel::from_urdf(WAM7_URDF, "pan").expect("the project's own")
+}
+
+/// Three soft springs around the start posture's pan: admitted.
+pub fn springs() -> PolicyMsg {
+    let mut policy = PolicyMsg { task_dim: 4, n_components: 3, ..PolicyMsg::EMPTY };
+    policy.duration_s = 0.1;
+    policy.damping = 28.0;
+    policy.orientation_stiffness = 400.0;
+    policy.orientation_damping = 40.0;
+    for (i, component) in policy.components.iter_mut().take(3).enumerate() {
+        component.center = 0.05 * i as f64;
+        component.width = 0.03;
+        component.attractor = [0.78, 0.0, 0.7, 0.1, 0.0, 0.0];
+        (0..4).for_each(|row| component.stiffness[packed_index(row, row)] = 200.0);
+    }
+    policy.sealed()
+}
+
+/// A session of a world without arm: cheap to create and to resume.
+pub fn action_session() -> LearnerConfig {
+    let mut config = LearnerConfig { rollouts: 1000, ..LearnerConfig::default() };
+    config.action.start = vec![8.0, 2.0];
+    config.search.method = Method::Tempered;
+    config.reward.kind = RewardKind::Value;
+    config
+}
+
+/// In memory, where there is such a place: the disk is not under test.
+pub fn folder() -> TempDir {
+    let builder = |place: &str| tempfile::Builder::new().prefix("sk-fuzz").tempdir_in(place);
+    builder("/dev/shm").or_else(|_| TempDir::new()).expect("a folder")
+}

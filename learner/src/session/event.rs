@@ -1,0 +1,67 @@
+//! What the session loop tells, and how it ends.
+
+use std::time::Duration;
+
+use shm_types::channel::ChannelError;
+use thiserror::Error;
+
+use crate::error::LearnerError;
+use crate::summary::TrialReport;
+
+/// What an onlooker may want to know.
+#[derive(Debug)]
+pub enum Event {
+    Trial(TrialReport),
+    /// Nothing was heard from the controller for this long; the learner waits.
+    ControllerSilent(Duration),
+    ControllerBack,
+    /// The controller serves a pinned policy, and what was asked for waits; or does no more.
+    Pinned(bool),
+    /// The arm is held after this fault of the machine, and what was asked for waits until it is
+    /// re-armed; or, 0, it no longer is.
+    Held(u64),
+    /// The rollout gave no usable episode: stored and counted, not learnt.
+    SetAside {
+        rollout: u64,
+        reason: String,
+    },
+    /// The disk refuses what was learnt or asked; tried again until it does not.
+    NotStored(String),
+    Stored,
+    /// The rollout was asked for again.
+    AskedAgain {
+        rollout: u64,
+        reason: String,
+    },
+}
+
+/// How the loop ended without an error.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum End {
+    /// All rollouts are done.
+    Done,
+    /// `stop` was set; everything told so far is stored.
+    Stopped,
+}
+
+#[derive(Debug, Error)]
+pub enum SessionError {
+    #[error(transparent)]
+    Learner(#[from] LearnerError),
+    #[error(transparent)]
+    Channel(#[from] ChannelError),
+    #[error(
+        "rollout {rollout} was not executed in {attempts} attempts: {reason}; everything before it \
+         is saved"
+    )]
+    NotExecuted { rollout: u64, attempts: u32, reason: String },
+    #[error(
+        "{rollouts} rollouts in a row, up to {last}, gave no usable episode: {reason}; everything \
+         is saved, mend the controller and resume"
+    )]
+    Unusable { rollouts: u32, last: u64, reason: String },
+    #[error(
+        "policy of rollout {rollout} cannot be published ({reason}); restart learner and controller"
+    )]
+    Publish { rollout: u64, reason: String },
+}
