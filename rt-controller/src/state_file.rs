@@ -24,7 +24,7 @@ const FORMAT: u32 = 1;
 /// Why a state folder cannot be used.
 #[derive(Debug, Error)]
 pub enum StateError {
-    #[error("{path}: {source}: check permissions, or choose another folder with --state")]
+    #[error("{path}: {source}: check permissions, or set cell.state_dir to another folder")]
     Io { path: PathBuf, source: std::io::Error },
     #[error("{path}: {reason}: restore it, or move it away and restart")]
     Broken { path: PathBuf, reason: String },
