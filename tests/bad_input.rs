@@ -126,15 +126,17 @@ fn a_session_is_not_continued_as_something_else() {
 
     bench.refused(&["learn", "skittles", "--out", "s"], &["belongs to the task 'pancake'"]);
 
-    let database = bench.path("s/session.db");
-    let sound = fs::read(&database).unwrap();
+    // Of one damaged file the other one is the cure: both.
+    let files = ["s/session.db", "s/session.copy.db"].map(|name| bench.path(name));
+    let write = |bytes: &[u8]| files.iter().for_each(|file| fs::write(file, bytes).unwrap());
+    let sound = fs::read(&files[0]).unwrap();
     let mut newer = sound.clone();
     newer[63] = 99; // user_version of the SQLite header
-    fs::write(&database, &newer).unwrap();
+    write(&newer);
     bench.refused(&resume, &["s", "99"]);
-    fs::write(&database, b"this is no database, whatever its name says, and long enough").unwrap();
+    write(b"this is no database, whatever its name says, and long enough");
     bench.refused(&resume, &["session.db", "--out"]);
-    fs::write(&database, &sound).unwrap();
+    write(&sound);
 
     assert_eq!(bits(&bench.trials("s")), before);
     bench.ok(&resume);

@@ -3,6 +3,7 @@
 mod util;
 
 use serde_json::Value;
+use shm_types::cell::Cell;
 use util::{Bench, eventually, stderr};
 
 #[test]
@@ -62,9 +63,8 @@ fn a_cell_needs_no_more_shared_memory_than_doctor_says() {
     let _learner = bench.start(&["learner", "--cell", &cell, "--session", "s"]);
     bench.wait_for_trials("s", 2);
     let used = eventually("the cell's memory", || {
-        let entries = std::fs::read_dir("/dev/shm").unwrap().flatten();
-        let name = format!("_{cell}_");
-        let files = entries.filter(|entry| entry.file_name().to_string_lossy().contains(&name));
+        let files = Cell::in_dir(&bench.path("run"), &cell).unwrap().traces().into_iter();
+        let files = files.filter(|path| path.starts_with("/dev/shm"));
         let used: u64 = files.filter_map(|file| Some(file.metadata().ok()?.len())).sum();
         (used > 0).then_some(used)
     });

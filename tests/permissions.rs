@@ -7,19 +7,15 @@ use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
-use shm_types::Digest;
+use shm_types::cell::Cell;
 use util::{Bench, eventually, stderr};
 
 const NOBODY: &str = "65534";
 
 /// What the cell has in shared memory.
 fn shared_memory(bench: &Bench) -> Vec<PathBuf> {
-    let cell = bench.path("run/c1");
-    let place = Digest::new().bytes(cell.as_os_str().as_encoded_bytes()).finish();
-    let prefix = format!("sk{place:016x}_c1_");
-    let entries = fs::read_dir("/dev/shm").unwrap().flatten().map(|entry| entry.path());
-    let is_ours = |path: &PathBuf| path.file_name().unwrap().to_string_lossy().starts_with(&prefix);
-    entries.filter(is_ours).collect()
+    let traces = Cell::in_dir(&bench.path("run"), "c1").unwrap().traces().into_iter();
+    traces.filter(|path| path.starts_with("/dev/shm")).collect()
 }
 
 fn walk(path: &Path, found: &mut Vec<PathBuf>) {
@@ -62,7 +58,7 @@ fn nobody_else_has_any_right_to_any_file() {
         // What has just been removed is nobody's.
         let Ok(there) = fs::symlink_metadata(path) else { continue };
         // iceoryx2 gives folders to the group, too; they lie in one that does not.
-        let inner = there.is_dir() && path.starts_with(bench.path("run/c1/ipc"));
+        let inner = there.is_dir() && path.starts_with(bench.path("run/c1/g1"));
         let denied = if inner { 0o027 } else { 0o077 };
         assert_eq!(there.mode() & denied, 0, "{}: {:o}", path.display(), there.mode());
     }

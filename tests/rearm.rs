@@ -72,7 +72,7 @@ fn run(bench: &Bench, is_cut: &AtomicBool, stop: &AtomicBool) {
 }
 
 fn status(bench: &Bench) -> Value {
-    serde_json::from_str(&bench.ok(&["status", "--cell", "c1", "--json"])).unwrap()
+    serde_json::from_slice(&bench.run(&["status", "--cell", "c1", "--json"]).stdout).unwrap()
 }
 
 #[test]
@@ -99,7 +99,10 @@ fn a_session_waits_for_the_rearm_and_comes_out_the_same() {
         let n = bench.trials("s").len();
         std::thread::sleep(std::time::Duration::from_millis(500));
         assert!(bench.trials("s").len() <= n + 1, "the learner waits");
-        let text = bench.ok(&["status", "--cell", "c1"]);
+        let output = bench.run(&["status", "--cell", "c1"]);
+        assert_eq!(output.status.code(), Some(1), "it waits for somebody");
+        let text = String::from_utf8(output.stdout).unwrap();
+        assert!(text.contains("health      bad; the arm is held"), "{text}");
         assert!(text.contains("held  ") && text.contains("1 flight records in"), "{text}");
 
         is_cut.store(false, Ordering::Relaxed);

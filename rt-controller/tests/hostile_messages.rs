@@ -9,7 +9,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use shm_types::SCHEMA;
 use shm_types::command::{
-    AT_NOW, COMMAND_ALLOW, COMMAND_STATUS, Command, REASON_LEN, Reply, Status,
+    AT_NOW, COMMAND_REARM, COMMAND_STATUS, Command, REASON_LEN, Reply, Status,
 };
 use shm_types::episode::{EpisodeHeader, TickRecord};
 
@@ -24,7 +24,7 @@ fn a_command_that_is_taken_is_one() {
     for _ in 0..sent {
         let mut command: Command = noise(&mut rng);
         if rng.random_bool(0.8) {
-            let kind = rng.random_range(COMMAND_STATUS - 1..=COMMAND_ALLOW + 1);
+            let kind = rng.random_range(COMMAND_STATUS - 1..=COMMAND_REARM + 1);
             command = Command { at: rng.random_range(0..3), ..Command::new(kind, 7) };
         }
         if rng.random() {
@@ -33,7 +33,7 @@ fn a_command_that_is_taken_is_one() {
         if command.validate().is_ok() {
             taken += 1;
             assert_eq!(command.schema, SCHEMA);
-            assert!(command.kind >= COMMAND_STATUS && command.kind <= COMMAND_ALLOW);
+            assert!(command.kind >= COMMAND_STATUS && command.kind <= COMMAND_REARM);
             assert!(command.at <= AT_NOW);
         }
     }
