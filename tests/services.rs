@@ -242,3 +242,29 @@ fn metrics_are_offered_on_loopback_when_asked_for_and_a_hangup_sets_the_log_leve
     assert!(!log.contains("controller ready"), "the level was error: {log}");
     assert!(log.contains("configuration read again") && log.contains("ended in order"), "{log}");
 }
+
+/// What a process holds that is killed while it joins is not always freed, and places are few.
+#[test]
+fn services_that_dead_processes_have_filled_are_made_anew() {
+    let bench = Bench::new();
+    let controller = bench.start(&CONTROLLER);
+    let config = bench.write("c.toml", "[learner]\nrollouts = 40\nseed = 3\n");
+    let learner = ["learner", "--cell", "c1", "--session", "s", "--config"];
+    let learner = bench.start(&[&learner[..], &[config.to_str().unwrap()]].concat());
+    bench.wait_for_trials("s", 3);
+    for i in 0..6_u128 {
+        // Nodes of a process number that the kernel never gives.
+        let name = ((0x7fff_ffff_u128 << 64) + i).to_string();
+        std::fs::create_dir(bench.path("run/c1/g1/nodes").join(name)).unwrap();
+    }
+    let current = bench.path("run/c1/current");
+    eventually("another generation", || (util::text(&current) != "1").then_some(()));
+    eventually("the old one to go", || (!bench.path("run/c1/g1").exists()).then_some(()));
+    assert!(status(&bench).is_some(), "tools find the new one");
+    let output = learner.wait();
+    assert!(output.status.success(), "{}", util::stderr(&output));
+    controller.signal("TERM");
+    assert!(util::stderr(&controller.wait()).contains("services made anew"));
+    bench.ok(&["learn", "pancake", "--seed", "3", "--rollouts", "40", "--out", "undisturbed"]);
+    assert_eq!(bits(&bench.trials("s")), bits(&bench.trials("undisturbed")));
+}

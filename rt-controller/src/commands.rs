@@ -78,6 +78,11 @@ impl Commands {
         Commands { waiting: Vec::new(), recent: VecDeque::new(), refused: 0 }
     }
 
+    /// Nobody waits for an answer.
+    pub fn is_empty(&self) -> bool {
+        self.waiting.is_empty()
+    }
+
     /// Takes the commands out that wait for `outcome`.
     fn waiting_for(&mut self, outcome: &Outcome) -> Vec<CommandRequest> {
         let is_it = |waiting: &mut Waiting| waiting.outcome == *outcome;

@@ -32,6 +32,8 @@ const POLL: Duration = Duration::from_micros(200);
 const EAGER_ROUNDS: u32 = 20;
 const BEAT: Duration = Duration::from_millis(100);
 const HOUSEKEEPING: Duration = Duration::from_secs(1);
+/// Dead processes that the transport may fail to clear away; a service has 20 places.
+const MAX_LEAKED: usize = 4;
 /// Policies that need no second dry run.
 pub(crate) const KNOWN: usize = 16;
 
@@ -109,6 +111,8 @@ pub(crate) struct Exchange<'a, P> {
     watchdog: Watchdog,
     /// Tick of the loop when the watchdog was last looked after.
     watched_tick: u64,
+    /// The services are to be made anew as soon as nothing is on its way through them.
+    must_renew: bool,
     /// Said once, not with every attempt.
     pub(crate) loan_failed: bool,
 }
@@ -156,6 +160,7 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
             beat_counter: 0,
             watchdog: Watchdog::start(),
             watched_tick: 0,
+            must_renew: false,
             loan_failed: false,
         })
     }
@@ -182,6 +187,7 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
                 stop.store(true, Ordering::Relaxed);
             }
             self.swap_now();
+            self.renew();
             self.hand_over();
             let now = Instant::now();
             if now >= next_beat {
@@ -190,7 +196,7 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
             }
             if now >= next_housekeeping {
                 next_housekeeping = now + HOUSEKEEPING;
-                self.ports.clean_up();
+                self.must_renew |= self.ports.clean_up() > MAX_LEAKED;
                 self.feed_watchdog();
             }
             idle_rounds = if self.active { 0 } else { idle_rounds + 1 };
@@ -232,6 +238,26 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
         let latched = self.setup.latch.fault().unwrap_or(Fault::None) as u64;
         let beat = Heartbeat { schema: SCHEMA, boot_id, counter, pinned, latched };
         let _ = self.ports.beat.send_copy(beat);
+    }
+
+    /// Makes the services anew between two rollouts, when too much is stuck in the old ones: the next
+    /// learner would not get in. What was sent and not taken is asked for again.
+    fn renew(&mut self) {
+        let is_writing = self.spool.as_ref().is_some_and(Spool::is_busy);
+        let is_free = self.in_flight.is_none() && !is_writing && self.commands.is_empty();
+        if !self.must_renew || !is_free {
+            return;
+        }
+        self.must_renew = false;
+        match self.ports.renewed() {
+            Ok(ports) => {
+                self.ports = ports;
+                tracing::warn!(
+                    "services made anew: dead processes had left too much in the old ones"
+                );
+            }
+            Err(error) => tracing::error!("services cannot be made anew: {error}"),
+        }
     }
 
     /// Hands a swap into the rollout in progress.

@@ -120,6 +120,11 @@ impl Spool {
         Some(spooled)
     }
 
+    /// Something is being written.
+    pub fn is_busy(&self) -> bool {
+        !self.writing.is_empty()
+    }
+
     /// It is being written, and will be sent right after.
     pub fn is_writing(&self, name: &PolicyName) -> bool {
         self.writing.contains(name)

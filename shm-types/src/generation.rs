@@ -85,6 +85,15 @@ impl Generation {
         config
     }
 
+    /// Nodes of dead processes that are still there: what a process holds that is killed while it joins
+    /// is not always freed, and the places in a service are few.
+    pub fn leaked(&self) -> usize {
+        let Ok(entries) = fs::read_dir(self.root.join("nodes")) else { return 0 };
+        let names = entries.flatten().map(|entry| entry.file_name());
+        let pids = names.filter_map(|name| process_of(name.to_str()?));
+        pids.filter(|pid| !Path::new(&format!("/proc/{pid}")).exists()).count()
+    }
+
     /// iceoryx2 opens one segment of every generation, a counter, to all users; none of them needs it.
     pub fn close_to_others(&self) {
         let open = shared_memory(&self.shm_prefix).into_iter();
@@ -136,6 +145,11 @@ fn shm_prefix(cell: &Cell, number: u16) -> String {
     format!("{}{number}_", cell.shm_prefix())
 }
 
+/// The process of a node, by the name of its folder: the third word of its number.
+fn process_of(node: &str) -> Option<u32> {
+    Some((node.parse::<u128>().ok()? >> 64) as u32)
+}
+
 fn root(cell_dir: &Path, number: u16) -> PathBuf {
     cell_dir.join(format!("g{number}"))
 }
@@ -154,6 +168,9 @@ fn numbers(cell_dir: &Path) -> Vec<u16> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A node of a process number that the kernel never gives.
+    const NOBODY: u128 = 0x7fff_ffff << 64;
 
     fn cell(name: &str) -> Cell {
         Cell::new(&format!("{name}-{}", std::process::id())).unwrap()
@@ -197,6 +214,21 @@ mod tests {
         assert!(!root.exists() || next.root == root);
         assert!(!Path::new(&shm).exists() && !next.root.join("half.service").exists());
         drop(next);
+        cell.remove_if_idle();
+    }
+
+    #[test]
+    fn a_node_names_its_process_and_one_of_no_process_is_leaked() {
+        let cell = cell("leak");
+        let member = crate::channel::Member::first(&cell).unwrap();
+        let nodes = member.generation.root.join("nodes");
+        let names = fs::read_dir(&nodes).unwrap().flatten().map(|entry| entry.file_name());
+        let pids: Vec<u32> = names.filter_map(|name| process_of(name.to_str()?)).collect();
+        assert_eq!(pids, [std::process::id()]);
+        assert_eq!(member.generation.leaked(), 0);
+        fs::create_dir(nodes.join(NOBODY.to_string())).unwrap();
+        assert_eq!(member.generation.leaked(), 1);
+        drop(member);
         cell.remove_if_idle();
     }
 

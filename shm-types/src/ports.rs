@@ -89,12 +89,19 @@ impl ControllerPorts {
         Ok(loan.write_from_fn(|_| TickRecord::ZERO))
     }
 
-    /// Frees what dead processes held, and what they left; also connects ports to newcomers.
-    pub fn clean_up(&self) {
+    /// The same services anew, in a generation of their own. Everybody moves over.
+    pub fn renewed(&self) -> Result<ControllerPorts, ChannelError> {
+        ControllerPorts::create(&self.cell)
+    }
+
+    /// Frees what dead processes held, and what they left; also connects ports to newcomers. Returns
+    /// how many of the dead could not be cleared away.
+    pub fn clean_up(&self) -> usize {
         let _ = self.member.node.try_cleanup_dead_nodes();
         sweep(&self.cell);
         // A late subscriber gets the newest heartbeat only when its publisher acts.
         let _ = self.beat.update_connections();
+        self.member.generation.leaked()
     }
 }
 
@@ -170,22 +177,24 @@ impl LearnerPorts {
 /// The tool's end.
 pub struct ToolPorts {
     pub commands: Client<Ipc, Command, (), Reply, ()>,
-    _member: Arc<Member>,
+    cell: Cell,
+    member: Arc<Member>,
 }
 
 impl ToolPorts {
     pub fn open(cell: &Cell, timeout: Duration) -> Result<ToolPorts, ChannelError> {
-        with_retry(cell, timeout, &|| false, ToolPorts::try_open)
+        with_retry(cell, timeout, &|| false, |member| ToolPorts::try_open(cell, member))
     }
 
-    fn try_open(member: &Arc<Member>) -> Result<ToolPorts, ChannelError> {
+    fn try_open(cell: &Cell, member: &Arc<Member>) -> Result<ToolPorts, ChannelError> {
         Ok(ToolPorts {
             commands: commands(&member.node, Door::Open)?
                 .client_builder()
                 .backpressure_strategy(BackpressureStrategy::DiscardData)
                 .create()
                 .map_err(failed(COMMAND, "creating the client"))?,
-            _member: member.clone(),
+            cell: cell.clone(),
+            member: member.clone(),
         })
     }
 
@@ -195,6 +204,10 @@ impl ToolPorts {
         let start = Instant::now();
         loop {
             let left = timeout.checked_sub(start.elapsed())?;
+            if !self.member.generation.is_current() {
+                // Nobody answers here any more.
+                return ToolPorts::open(&self.cell, left).ok()?.request(command, left);
+            }
             if let Some(reply) = self.attempt(command, left.min(REPEAT)) {
                 return Some(reply);
             }
