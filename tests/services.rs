@@ -106,7 +106,7 @@ fn telemetry_reaches_observers_that_come_and_go() {
         let observer = ObserverPorts::open(&cell, util::WATCHDOG).unwrap();
         let sample = eventually("telemetry", || observer.telemetry.receive().unwrap());
         assert_eq!(sample.schema, shm_types::SCHEMA);
-        let ticks: Vec<u64> = sample.ticks.iter().map(|tick| tick.tick).collect();
+        let ticks: Vec<u64> = sample.ticks().iter().map(|tick| tick.record.tick).collect();
         assert!(ticks.windows(2).all(|pair| pair[1] > pair[0]), "{ticks:?}");
         assert!(ticks[0] >= unseen, "live, not old");
         assert!(sample.ticks[0].tick_ns > 0);

@@ -1,6 +1,8 @@
 //! Why a session cannot start or go on, and why an episode is refused.
 
-use shm_types::episode::EpisodeError;
+use shm_types::episode::{
+    EpisodeError, FAULT_APPROACH_TIMEOUT, FAULT_OVERRUN, FAULT_POLICY_REFUSED,
+};
 use thiserror::Error;
 
 use crate::config::ConfigError;
@@ -50,4 +52,15 @@ pub enum CompleteError {
     Tell(#[from] TellError),
     #[error(transparent)]
     Learner(LearnerError),
+}
+
+/// Why an episode with this fault is no trial: the policy was never tried. Other faults during the
+/// rollout are the policy's doing and are rewarded like anything else it does.
+pub(crate) fn not_executed(fault: u64) -> Option<&'static str> {
+    match fault {
+        FAULT_POLICY_REFUSED => Some("it refused the policy; its log names the reason"),
+        FAULT_APPROACH_TIMEOUT => Some("the arm did not reach the start posture in time"),
+        FAULT_OVERRUN => Some("its host could not hold the period; see `skillet doctor`"),
+        _ => None,
+    }
 }

@@ -10,15 +10,12 @@
 
 use std::path::Path;
 
-use shm_types::episode::{
-    EpisodeHeader, FAULT_APPROACH_TIMEOUT, FAULT_OVERRUN, FAULT_POLICY_REFUSED, FAULT_SWAPPED,
-    MACHINE_FAULTS, OutcomeMsg, TickRecord,
-};
+use shm_types::episode::{EpisodeHeader, FAULT_SWAPPED, MACHINE_FAULTS, OutcomeMsg, TickRecord};
 use shm_types::policy::PolicyMsg;
 
 use crate::config::LearnerConfig;
 use crate::demonstration::Demonstration;
-use crate::error::{CompleteError, LearnerError};
+use crate::error::{CompleteError, LearnerError, not_executed};
 use crate::initial_policy::initial_policy;
 use crate::modes::{ModeReport, assess};
 use crate::parameters::PolicyIds;
@@ -199,19 +196,24 @@ impl Learner {
 
     /// What the search has found so far, each with its policy; stored.
     pub fn modes(&mut self) -> Result<Vec<(ModeReport, PolicyMsg)>, LearnerError> {
-        let forbidden = self.store.forbidden()?;
-        let trials: Vec<_> =
-            self.trials.iter().filter(|t| !t.set_aside).map(TrialRecord::trial).collect();
+        let reports = self.mode_reports()?;
         let first_id = MODE_POLICY_ID + 100 * self.trials.len() as u64;
         let with_policy = |report: ModeReport| {
             let ids = self.ids(0, first_id + report.number as u64);
             let policy = self.problem.decode(&report.mode.mean, ids);
             (report, policy)
         };
-        let modes = assess(&self.search.modes(), &trials, &forbidden);
-        let modes: Vec<_> = modes.into_iter().map(with_policy).collect();
+        let modes: Vec<_> = reports.into_iter().map(with_policy).collect();
         self.store.put_modes(&modes)?;
         Ok(modes)
+    }
+
+    /// What the search has found so far.
+    pub fn mode_reports(&self) -> Result<Vec<ModeReport>, LearnerError> {
+        let forbidden = self.store.forbidden()?;
+        let told = self.trials.iter().filter(|trial| !trial.set_aside);
+        let trials: Vec<_> = told.map(TrialRecord::trial).collect();
+        Ok(assess(&self.search.modes(), &trials, &forbidden))
     }
 
     /// Forbids a mode: where it lies, none is used any more.
@@ -227,6 +229,11 @@ impl Learner {
     /// All rollouts of the configuration are stored.
     pub fn is_done(&self) -> bool {
         self.trials.len() as u64 >= self.config.rollouts
+    }
+
+    /// Rollouts the session is to have.
+    pub fn rollouts(&self) -> u64 {
+        self.config.rollouts
     }
 
     /// Every rollout up to this one is durable and may be acknowledged.
@@ -297,16 +304,5 @@ impl Learner {
             return Err(CompleteError::OtherPolicy { rollout });
         }
         Ok(proposal)
-    }
-}
-
-/// Why an episode with this fault is no trial: the policy was never tried. Other faults during the
-/// rollout are the policy's doing and are rewarded like anything else it does.
-fn not_executed(fault: u64) -> Option<&'static str> {
-    match fault {
-        FAULT_POLICY_REFUSED => Some("it refused the policy; its log names the reason"),
-        FAULT_APPROACH_TIMEOUT => Some("the arm did not reach the start posture in time"),
-        FAULT_OVERRUN => Some("its host could not hold the period; see `skillet doctor`"),
-        _ => None,
     }
 }

@@ -5,12 +5,13 @@
 //! visibly. What it must not do twice, it does not: [`Learner::complete`] refuses an episode that
 //! is late, foreign or a duplicate.
 
+mod controller;
 mod event;
+mod news;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use sd_notify::NotifyState;
 use shm_types::SCHEMA;
 use shm_types::episode::Ack;
 use shm_types::policy::PolicyMsg;
@@ -21,15 +22,13 @@ use crate::error::{CompleteError, LearnerError};
 use crate::learner::Learner;
 use crate::summary::TrialReport;
 pub use event::{End, Event, SessionError};
+use news::News;
 
 /// Longest wait for an episode before the loop looks around.
 const WAIT: Duration = Duration::from_millis(50);
 /// What the disk refused is tried again after this long.
 const RETRY: Duration = Duration::from_secs(1);
-const BEAT: Duration = Duration::from_millis(100);
 const HOUSEKEEPING: Duration = Duration::from_secs(1);
-/// A controller whose heartbeat is older than this is silent.
-const SILENT: Duration = Duration::from_secs(2);
 /// Unusable episodes of one rollout after which it is set aside, or, when it was not executed at
 /// all, the session ends.
 const ATTEMPTS: u32 = 3;
@@ -45,11 +44,12 @@ pub fn run(
     learner: &mut Learner,
     is_patient: bool,
     stop: &AtomicBool,
-    on_event: &mut dyn FnMut(Event),
+    on_event: &mut dyn FnMut(Event<'_>),
 ) -> Result<End, SessionError> {
     let mut link = Link::new(ports, is_patient);
     // The last acknowledgement of an earlier run may have been lost with its process.
     link.acknowledge(learner);
+    link.news.all(&link.ports, learner);
     while !learner.is_done() {
         let Some(policy) = link.stored(stop, on_event, || learner.next_policy())? else {
             return Ok(End::Stopped);
@@ -60,6 +60,7 @@ pub fn run(
         };
         link.acknowledge(learner);
         on_event(Event::Trial(report));
+        link.news.trial(&link.ports, learner, on_event);
     }
     Ok(End::Done)
 }
@@ -78,6 +79,7 @@ struct Link {
     /// Fault after which the arm is held, or 0.
     latched: u64,
     set_aside_in_a_row: u32,
+    news: News,
 }
 
 impl Link {
@@ -95,6 +97,7 @@ impl Link {
             is_pinned: false,
             latched: 0,
             set_aside_in_a_row: 0,
+            news: News::default(),
         }
     }
 
@@ -119,7 +122,7 @@ impl Link {
         learner: &mut Learner,
         policy: &PolicyMsg,
         stop: &AtomicBool,
-        on_event: &mut dyn FnMut(Event),
+        on_event: &mut dyn FnMut(Event<'_>),
     ) -> Result<Option<TrialReport>, SessionError> {
         let mut asked = Instant::now();
         let mut attempts = 0;
@@ -135,6 +138,9 @@ impl Link {
                 match completed {
                     Ok(report) => {
                         self.set_aside_in_a_row = 0;
+                        let (header, records) = (episode.user_header(), episode.payload());
+                        let records = &records[..header.n_records as usize];
+                        on_event(Event::Executed { policy, header, records });
                         return Ok(Some(report));
                     }
                     // An operator's or the machine's doing, as often as it comes: no attempt of ours.
@@ -171,6 +177,9 @@ impl Link {
                 return Ok(None);
             }
             let restarted = self.look_around(on_event)?;
+            if restarted {
+                self.news.all(&self.ports, learner);
+            }
             if self.is_pinned || self.latched != 0 {
                 asked = Instant::now(); // it waits for its turn
             }
@@ -199,7 +208,7 @@ impl Link {
         rollout: u64,
         reason: String,
         stop: &AtomicBool,
-        on_event: &mut dyn FnMut(Event),
+        on_event: &mut dyn FnMut(Event<'_>),
     ) -> Result<Option<TrialReport>, SessionError> {
         self.set_aside_in_a_row += 1;
         if self.set_aside_in_a_row == SET_ASIDE {
@@ -221,7 +230,7 @@ impl Link {
     fn stored<T>(
         &mut self,
         stop: &AtomicBool,
-        on_event: &mut dyn FnMut(Event),
+        on_event: &mut dyn FnMut(Event<'_>),
         mut store: impl FnMut() -> Result<T, LearnerError>,
     ) -> Result<Option<T>, SessionError> {
         let mut refused: Option<Instant> = None;
@@ -249,65 +258,5 @@ impl Link {
             self.look_around(on_event)?;
             std::thread::sleep(WAIT);
         }
-    }
-
-    /// Beats, listens to the controller's beat, cleans up. True when the controller is a new one.
-    fn look_around(&mut self, on_event: &mut dyn FnMut(Event)) -> Result<bool, SessionError> {
-        let now = Instant::now();
-        let mut restarted = false;
-        if now >= self.next_beat {
-            self.next_beat = now + BEAT;
-            restarted = self.ports.follow()?;
-            if restarted {
-                self.controller = None; // its beat is to come
-            }
-            self.beat_counter += 1;
-            let beat = Heartbeat {
-                schema: SCHEMA,
-                boot_id: u64::from(std::process::id()),
-                counter: self.beat_counter,
-                pinned: 0,
-                latched: 0,
-            };
-            // Nobody listening is what the controller's own silence will tell.
-            let _ = self.ports.beat.send_copy(beat);
-        }
-        if now >= self.next_housekeeping {
-            self.next_housekeeping = now + HOUSEKEEPING;
-            self.ports.clean_up();
-            // A service manager that does not listen will notice by itself.
-            let _ = sd_notify::notify(false, &[NotifyState::Watchdog]);
-        }
-        let before = (self.is_pinned, self.latched);
-        restarted |= self.hear(now);
-        if self.is_pinned != before.0 {
-            on_event(Event::Pinned(self.is_pinned));
-        }
-        if self.latched != before.1 {
-            on_event(Event::Held(self.latched));
-        }
-        let silence = now - self.heard;
-        if silence >= SILENT && !self.is_silent {
-            self.is_silent = true;
-            on_event(Event::ControllerSilent(silence));
-        } else if silence < SILENT && self.is_silent {
-            self.is_silent = false;
-            on_event(Event::ControllerBack);
-        }
-        Ok(restarted)
-    }
-
-    fn hear(&mut self, now: Instant) -> bool {
-        let mut restarted = false;
-        while let Ok(Some(beat)) = self.ports.controller_beat.receive() {
-            if beat.schema != SCHEMA || self.controller == Some(*beat) {
-                continue;
-            }
-            restarted |= self.controller.is_some_and(|last| last.boot_id != beat.boot_id);
-            self.controller = Some(*beat);
-            (self.is_pinned, self.latched) = (beat.pinned == 1, beat.latched);
-            self.heard = now;
-        }
-        restarted
     }
 }

@@ -173,7 +173,7 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
         while !stop.load(Ordering::Relaxed) && !rt_ended() {
             self.active = false;
             self.report.drain(&self.ports);
-            self.serving.passed(self.report.last.tick, self.in_flight.is_some());
+            self.serving.passed(self.report.last.record.tick, self.in_flight.is_some());
             self.watch_latch();
             self.take_flights();
             self.take_applied();
@@ -206,6 +206,7 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
             }
         }
         self.report.drain(&self.ports);
+        self.report.flush(&self.ports);
         self.summary()
     }
 
@@ -223,7 +224,7 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
 
     /// Only while the loop lives: one that has stopped ticking is worth a restart.
     fn feed_watchdog(&mut self) {
-        let tick = self.report.last.tick;
+        let tick = self.report.last.record.tick;
         // Without the wall clock nothing ticks between rollouts.
         if !self.setup.is_realtime() || tick != self.watched_tick {
             self.watchdog.feed();
@@ -238,6 +239,7 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
         let latched = self.setup.latch.fault().unwrap_or(Fault::None) as u64;
         let beat = Heartbeat { schema: SCHEMA, boot_id, counter, pinned, latched };
         let _ = self.ports.beat.send_copy(beat);
+        self.report.flush(&self.ports);
     }
 
     /// Makes the services anew between two rollouts, when too much is stuck in the old ones: the next
@@ -266,7 +268,9 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
             return; // it becomes the next rollout
         }
         if let Some((seq, to)) = self.serving.swap_now() {
-            let swap = Swap { seq, policy: to.policy.clone() };
+            let _ = self.ports.in_loop.send_copy(to.message);
+            let policy_digest = to.message.digest;
+            let swap = Swap { seq, policy: to.policy.clone(), policy_digest };
             // Never full: one swap is under way at a time.
             let _ = self.ends.swaps.push(swap);
         }

@@ -66,14 +66,9 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
         // Whatever happened after a swap is not the proposal's doing.
         let is_swapped = in_flight.swapped && !done.fault.latches();
         let fault = if is_swapped { Fault::Swapped } else { done.fault };
-        *done.episode.user_header_mut() = EpisodeHeader {
-            applied_tick: done.recording.applied_tick,
-            applied_ns: done.recording.applied_ns,
-            n_records: done.recording.n_records as u64,
-            fault: fault as u64,
-            outcome: done.outcome,
-            ..self.header(&name)
-        };
+        let header = self.header_of(&name, &done, fault);
+        *done.episode.user_header_mut() = header;
+        let _ = self.ports.outcomes.send_copy(header);
         if fault != Fault::None {
             let why = Fault::describe(fault as u32);
             tracing::info!(rollout = name.rollout, "rollout ended early: {why}");
@@ -111,6 +106,7 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
 
     fn service_ended(&mut self, in_flight: &InFlight<P>, done: &Done) {
         let name = in_flight.served.name();
+        let _ = self.ports.outcomes.send_copy(self.header_of(&name, done, done.fault));
         if let Some(seq) = self.serving.abandon() {
             self.answer_abandoned(seq, name, Fault::describe(done.fault as u32));
             return;
@@ -146,6 +142,17 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
                 "fault under policy {}: {why}; no good policy to go back to, the arm is held",
                 active.describe()
             ),
+        }
+    }
+
+    fn header_of(&self, name: &PolicyName, done: &Done, fault: Fault) -> EpisodeHeader {
+        EpisodeHeader {
+            applied_tick: done.recording.applied_tick,
+            applied_ns: done.recording.applied_ns,
+            n_records: done.recording.n_records as u64,
+            fault: fault as u64,
+            outcome: done.outcome,
+            ..self.header(name)
         }
     }
 
@@ -269,7 +276,14 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
         is_proposal: bool,
     ) {
         self.active = true;
-        let job = Job { policy: served.policy.clone(), episode, swap, is_experiment: is_proposal };
+        let _ = self.ports.in_loop.send_copy(served.message);
+        let job = Job {
+            policy: served.policy.clone(),
+            policy_digest: served.message.digest,
+            episode,
+            swap,
+            is_experiment: is_proposal,
+        };
         // Never full: one rollout is in flight at a time.
         let _ = self.ends.jobs.push(job);
         self.in_flight = Some(InFlight { served, is_proposal, swapped: false });

@@ -4,6 +4,7 @@ use nalgebra::Isometry3;
 use physics::arm::JointVector;
 use physics::outcome::{Outcome, OutcomeConfig, OutcomeTracker};
 use physics::plant::ObjectState;
+use shm_types::episode::FLAG_BLENDING;
 use shm_types::policy::PolicyMsg;
 
 use crate::blend::Blend;
@@ -93,6 +94,11 @@ impl Rollout {
 
     pub fn policy(&self) -> &Policy {
         &self.policy
+    }
+
+    /// What a record says of this tick.
+    pub fn flags(&self) -> u32 {
+        if self.blend.is_some() { FLAG_BLENDING } else { 0 }
     }
 
     /// Exchanges the policy from the next command on. In Execute and Settle it goes on at the same

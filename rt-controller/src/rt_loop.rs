@@ -43,6 +43,8 @@ pub(crate) struct RtLoop<'a, P: Plant> {
     ends: Ends<Policy>,
     running: Option<Running>,
     undelivered: Option<Done>,
+    /// Of the policy in the controller, for observers.
+    policy_digest: u64,
     latch: &'a Latch,
     flight: Box<FlightRecord>,
     /// Takes the ticks outside Execute and Settle.
@@ -70,6 +72,7 @@ impl<'a, P: Plant> RtLoop<'a, P> {
             ends,
             running: None,
             undelivered: None,
+            policy_digest: 0,
             latch,
             flight: Box::new(FlightRecord::new()),
             scratch: TickRecord::ZERO,
@@ -122,6 +125,7 @@ impl<'a, P: Plant> RtLoop<'a, P> {
             // A simulator builds a fresh world here; a robot does nothing.
             self.plant.reset();
             self.controller.start(&job.policy, &self.plant.measure().q);
+            self.policy_digest = job.policy_digest;
             let recording = Recording::new(self.record_stride);
             self.running = Some(Running {
                 episode: job.episode,
@@ -135,6 +139,7 @@ impl<'a, P: Plant> RtLoop<'a, P> {
     fn swap_if_asked(&mut self) {
         if let Ok(swap) = self.ends.swaps.pop() {
             self.controller.swap(&swap.policy);
+            self.policy_digest = swap.policy_digest;
             self.acknowledge(swap.seq, self.controller.tick_number(), now_ns());
         }
     }
@@ -172,14 +177,11 @@ impl<'a, P: Plant> RtLoop<'a, P> {
         let tick_ns = start.elapsed().as_nanos() as u64;
         // Full ring: the observer loses a tick, the loop nothing.
         let _ = self.ends.telemetry.push(TelemetryTick {
-            tick: record.tick,
-            phase: record.phase,
-            fault: record.fault,
+            record: *record,
+            policy_digest: self.policy_digest,
             wakeup_ns: wake.late_ns,
             tick_ns,
             missed: wake.missed,
-            q: record.q,
-            tau: record.tau,
         });
         let force = self.controller.unexplained_force();
         self.flight.push(FlightTick::new(record, &measured, force, &tau, wake.late_ns));

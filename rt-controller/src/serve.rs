@@ -32,6 +32,7 @@ const EXCHANGE_PRIORITY: u8 = 1;
 /// A rollout to execute: travels exchange → executing thread with the memory its records go to.
 pub(crate) struct Job<P> {
     pub policy: P,
+    pub policy_digest: u64,
     pub episode: EpisodeLoan,
     /// The swap that it fulfils, to be acknowledged when the policy acts.
     pub swap: Option<u64>,
@@ -43,6 +44,7 @@ pub(crate) struct Job<P> {
 pub(crate) struct Swap<P> {
     pub seq: u64,
     pub policy: P,
+    pub policy_digest: u64,
 }
 
 /// An executed rollout: travels back.

@@ -16,10 +16,14 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
         let latched = |f: &dyn Fn(Latched) -> u64| self.latched.map_or(0, f);
         Status {
             boot_id: self.boot_id,
-            tick: self.report.last.tick,
+            tick: self.report.last.record.tick,
             // Without the wall clock nothing ticks between rollouts: the last tick is no news.
-            phase: if self.in_flight.is_some() { u64::from(self.report.last.phase) } else { 0 },
-            fault: u64::from(self.report.last.fault),
+            phase: if self.in_flight.is_some() {
+                u64::from(self.report.last.record.phase)
+            } else {
+                0
+            },
+            fault: u64::from(self.report.last.record.fault),
             latched_fault: latched(&|latched| latched.fault as u64),
             latched_ns: latched(&Latched::age_ns),
             latched_present: latched(&|_| u64::from(self.setup.latch.is_present())),

@@ -173,9 +173,8 @@ impl<'a> Controller<'a> {
 
     /// One tick: fills `record` and returns the torque to apply, N·m, finite and within limits.
     pub fn tick(&mut self, measured: &Measurement, record: &mut TickRecord) -> JointVector {
-        *record = TickRecord { tick: self.tick, ..TickRecord::ZERO };
-        record.phase = self.rollout.phase() as u32;
-        record.t_s = self.rollout.t_s();
+        *record = TickRecord { tick: self.tick, t_s: self.rollout.t_s(), ..TickRecord::ZERO };
+        (record.phase, record.flags) = (self.rollout.phase() as u32, self.rollout.flags());
 
         let torque = self.torque(measured, record);
         self.locate(measured, torque.err());

@@ -61,13 +61,7 @@ mod tests {
         let mut stats = LoopStats::new();
         for tick in 1..=1000 {
             let (wakeup_ns, tick_ns) = (tick * 1000, 5000);
-            stats.add(&TelemetryTick {
-                tick,
-                wakeup_ns,
-                tick_ns,
-                missed: 3,
-                ..TelemetryTick::ZERO
-            });
+            stats.add(&TelemetryTick { wakeup_ns, tick_ns, missed: 3, ..TelemetryTick::ZERO });
         }
         let near = |found: u64, expected: f64| (found as f64 / expected - 1.0).abs() < 2e-3;
         let wakeup = stats.wakeup();

@@ -18,6 +18,7 @@ use crate::cell::{Cell, CellError};
 use crate::command::{Command, Reply};
 use crate::episode::{EpisodeHeader, TickRecord};
 use crate::generation::Generation;
+use crate::news::TRIAL_HISTORY;
 
 /// Loans cross threads (exchange → rt → exchange), hence the thread-safe variant.
 pub type Ipc = ipc_threadsafe::Service;
@@ -31,6 +32,9 @@ pub(crate) const POLICY: &str = "skillet/policy";
 pub(crate) const EPISODE: &str = "skillet/episode";
 pub(crate) const ACK: &str = "skillet/ack";
 pub(crate) const TELEMETRY: &str = "skillet/telemetry";
+pub(crate) const IN_LOOP: &str = "skillet/policy-in-loop";
+pub(crate) const OUTCOME: &str = "skillet/outcome";
+pub(crate) const TRIAL: &str = "skillet/trial";
 pub(crate) const COMMAND: &str = "skillet/command";
 pub(crate) const CONTROLLER_BEAT: &str = "skillet/controller-heartbeat";
 pub(crate) const LEARNER_BEAT: &str = "skillet/learner-heartbeat";
@@ -220,6 +224,11 @@ pub(crate) const POLICY_QOS: Qos = Qos { history: 1, buffer: 2, publishers: 2, s
 pub(crate) const ACK_QOS: Qos = Qos { history: 1, buffer: 2, publishers: 1, subscribers: 1 };
 pub(crate) const TELEMETRY_QOS: Qos =
     Qos { history: 0, buffer: 64, publishers: 1, subscribers: 16 };
+pub(crate) const IN_LOOP_QOS: Qos = Qos { history: 1, buffer: 16, publishers: 1, subscribers: 16 };
+pub(crate) const OUTCOME_QOS: Qos = Qos { history: 1, buffer: 16, publishers: 1, subscribers: 16 };
+/// Who comes late sees the reward curve all the same.
+pub(crate) const TRIAL_QOS: Qos =
+    Qos { history: TRIAL_HISTORY, buffer: TRIAL_HISTORY, publishers: 1, subscribers: 16 };
 pub(crate) const BEAT_QOS: Qos = Qos { history: 1, buffer: 2, publishers: 1, subscribers: 16 };
 
 pub(crate) fn publisher<T: core::fmt::Debug + ZeroCopySend>(

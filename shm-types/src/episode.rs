@@ -14,6 +14,8 @@ pub const FLAG_TORQUE_CLIPPED: u32 = 2;
 pub const FLAG_RATE_LIMITED: u32 = 4;
 pub const FLAG_NEAR_JOINT_LIMIT: u32 = 8;
 pub const FLAG_NEAR_SPEED_LIMIT: u32 = 16;
+/// The policy of before a swap still fades out.
+pub const FLAG_BLENDING: u32 = 32;
 
 /// Values of [`EpisodeHeader::fault`] that make an episode no trial: the policy was not executed, or
 /// not it alone.

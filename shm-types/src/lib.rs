@@ -14,6 +14,8 @@ pub mod command;
 pub mod echo;
 pub mod episode;
 mod generation;
+pub mod news;
+mod observer;
 pub mod policy;
 pub mod policy_json;
 pub mod ports;

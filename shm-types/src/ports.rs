@@ -16,6 +16,8 @@ use crate::channel::*;
 use crate::command::{COMMAND_STATUS, Command, Reply, Status};
 use crate::episode::{Ack, EpisodeHeader, MAX_RECORDS, TickRecord};
 use crate::generation::sweep;
+use crate::news::TrialNews;
+pub use crate::observer::ObserverPorts;
 use crate::policy::PolicyMsg;
 use crate::telemetry::{Heartbeat, Telemetry};
 
@@ -32,9 +34,15 @@ pub struct ControllerPorts {
     pub episode_sent: Notifier<Ipc>,
     pub acks: Subscriber<Ipc, Ack, ()>,
     pub telemetry: Publisher<Ipc, Telemetry, ()>,
+    /// Every policy that goes into the loop, before it does.
+    pub in_loop: Publisher<Ipc, PolicyMsg, ()>,
+    /// The header of every rollout that has ended.
+    pub outcomes: Publisher<Ipc, EpisodeHeader, ()>,
     pub commands: Server<Ipc, Command, (), Reply, ()>,
     pub beat: Publisher<Ipc, Heartbeat, ()>,
     pub learner_beat: Subscriber<Ipc, Heartbeat, ()>,
+    /// Between learner and observers: here it only exists.
+    _trials: PubSub<TrialNews>,
     cell: Cell,
     // Last, so that it is dropped after the ports: it owns their liveness.
     member: Member,
@@ -69,6 +77,9 @@ impl ControllerPorts {
                 .map_err(failed(EPISODE, "creating the notifier"))?,
             acks: subscriber(&latest(node, ACK, &ACK_QOS, door)?, ACK)?,
             telemetry: publisher(&latest(node, TELEMETRY, &TELEMETRY_QOS, door)?, TELEMETRY)?,
+            in_loop: publisher(&latest(node, IN_LOOP, &IN_LOOP_QOS, door)?, IN_LOOP)?,
+            outcomes: publisher(&latest(node, OUTCOME, &OUTCOME_QOS, door)?, OUTCOME)?,
+            _trials: latest(node, TRIAL, &TRIAL_QOS, door)?,
             beat: publisher(&latest(node, CONTROLLER_BEAT, &BEAT_QOS, door)?, CONTROLLER_BEAT)?,
             learner_beat: subscriber(&latest(node, LEARNER_BEAT, &BEAT_QOS, door)?, LEARNER_BEAT)?,
             commands: commands(node, door)?
@@ -101,6 +112,7 @@ impl ControllerPorts {
         sweep(&self.cell);
         // A late subscriber gets the newest heartbeat only when its publisher acts.
         let _ = self.beat.update_connections();
+        let _ = self.in_loop.update_connections();
         self.member.generation.leaked()
     }
 }
@@ -111,6 +123,8 @@ pub struct LearnerPorts {
     pub episodes: Subscriber<Ipc, [TickRecord], EpisodeHeader>,
     pub episode_sent: Listener<Ipc>,
     pub acks: Publisher<Ipc, Ack, ()>,
+    /// What was learnt, for observers.
+    pub trials: Publisher<Ipc, TrialNews, ()>,
     pub beat: Publisher<Ipc, Heartbeat, ()>,
     pub controller_beat: Subscriber<Ipc, Heartbeat, ()>,
     cell: Cell,
@@ -140,6 +154,7 @@ impl LearnerPorts {
                 .create()
                 .map_err(failed(EPISODE, "creating the listener"))?,
             acks: publisher(&latest(node, ACK, &ACK_QOS, door)?, ACK)?,
+            trials: publisher(&latest(node, TRIAL, &TRIAL_QOS, door)?, TRIAL)?,
             beat: publisher(&latest(node, LEARNER_BEAT, &BEAT_QOS, door)?, LEARNER_BEAT)?,
             controller_beat: subscriber(
                 &latest(node, CONTROLLER_BEAT, &BEAT_QOS, door)?,
@@ -171,6 +186,7 @@ impl LearnerPorts {
         let _ = self.member.node.try_cleanup_dead_nodes();
         let _ = self.policies.update_connections();
         let _ = self.acks.update_connections();
+        let _ = self.trials.update_connections();
     }
 }
 
@@ -239,30 +255,9 @@ impl ToolPorts {
     }
 }
 
-/// An observer's end: it looks, and nobody notices.
-pub struct ObserverPorts {
-    pub telemetry: Subscriber<Ipc, Telemetry, ()>,
-    member: Arc<Member>,
-}
-
-impl ObserverPorts {
-    pub fn open(cell: &Cell, timeout: Duration) -> Result<ObserverPorts, ChannelError> {
-        with_retry(cell, timeout, &|| false, |member| {
-            let service = latest(&member.node, TELEMETRY, &TELEMETRY_QOS, Door::Open)?;
-            let telemetry = subscriber(&service, TELEMETRY)?;
-            Ok(ObserverPorts { telemetry, member: member.clone() })
-        })
-    }
-
-    /// The controller that it listens to has not been followed by another one.
-    pub fn is_current(&self) -> bool {
-        self.member.generation.is_current()
-    }
-}
-
 /// Repeats `open` in the current generation while services are absent, coming up or going down, up
 /// to `timeout`.
-fn with_retry<T>(
+pub(crate) fn with_retry<T>(
     cell: &Cell,
     timeout: Duration,
     stop: &dyn Fn() -> bool,

@@ -3,7 +3,7 @@
 //! iceoryx2 compares type name, size and alignment; two fields of one type that trade places pass
 //! that comparison. The hash covers names, order and types of all fields.
 
-use crate::{command, episode, policy, telemetry};
+use crate::{command, episode, news, policy, telemetry};
 
 /// 64-bit FNV-1a.
 #[derive(Clone, Copy)]
@@ -54,6 +54,8 @@ pub const SCHEMA: u64 = Digest::new()
     .bytes(telemetry::TelemetryTick::LAYOUT.as_bytes())
     .bytes(telemetry::Telemetry::LAYOUT.as_bytes())
     .bytes(telemetry::Heartbeat::LAYOUT.as_bytes())
+    .bytes(news::ModeNews::LAYOUT.as_bytes())
+    .bytes(news::TrialNews::LAYOUT.as_bytes())
     .bytes(command::Command::LAYOUT.as_bytes())
     .bytes(command::Status::LAYOUT.as_bytes())
     .bytes(command::Reply::LAYOUT.as_bytes())

@@ -1,33 +1,35 @@
 //! What observers see of a running controller: lossy by design.
 
-use crate::MAX_JOINTS;
 use iceoryx2::prelude::ZeroCopySend;
+
+use crate::SCHEMA;
+use crate::episode::TickRecord;
 
 /// Ticks in one telemetry sample.
 pub const TELEMETRY_TICKS: usize = 20;
 
 message! {
     /// One tick as an observer sees it.
-    pub struct TelemetryTick as "skillet/TelemetryTick/1" {
-        pub tick: u64,
-        pub phase: u32,
-        pub fault: u32,
+    pub struct TelemetryTick as "skillet/TelemetryTick/2" {
+        pub record: TickRecord,
+        /// Digest of the policy in the loop, or of the last one; 0 before the first.
+        pub policy_digest: u64,
         /// Wake-up after the deadline, and time spent in the tick itself (without the plant), ns.
         pub wakeup_ns: u64,
         pub tick_ns: u64,
         /// Deadlines missed since the loop began.
         pub missed: u64,
-        pub q: [f64; MAX_JOINTS],
-        pub tau: [f64; MAX_JOINTS],
     }
 }
 
 message! {
     /// A batch of ticks.
-    pub struct Telemetry as "skillet/Telemetry/1" {
+    pub struct Telemetry as "skillet/Telemetry/2" {
         pub schema: u64,
         /// Ticks lost before this sample because the exchange thread was late.
         pub lost: u64,
+        /// Ticks in use, from the start.
+        pub n_ticks: u64,
         pub ticks: [TelemetryTick; TELEMETRY_TICKS],
     }
 }
@@ -45,15 +47,27 @@ message! {
     }
 }
 
+impl Telemetry {
+    pub const EMPTY: Telemetry = Telemetry {
+        schema: SCHEMA,
+        lost: 0,
+        n_ticks: 0,
+        ticks: [TelemetryTick::ZERO; TELEMETRY_TICKS],
+    };
+
+    /// The ticks in use; none of a sample of another build.
+    pub fn ticks(&self) -> &[TelemetryTick] {
+        let n_ticks = if self.schema == SCHEMA { self.n_ticks as usize } else { 0 };
+        &self.ticks[..n_ticks.min(TELEMETRY_TICKS)]
+    }
+}
+
 impl TelemetryTick {
     pub const ZERO: TelemetryTick = TelemetryTick {
-        tick: 0,
-        phase: 0,
-        fault: 0,
+        record: TickRecord::ZERO,
+        policy_digest: 0,
         wakeup_ns: 0,
         tick_ns: 0,
         missed: 0,
-        q: [0.0; MAX_JOINTS],
-        tau: [0.0; MAX_JOINTS],
     };
 }

@@ -67,7 +67,7 @@ pub fn run(args: &LearnerArgs) -> Result<Verdict> {
     tell_manager("learning");
     tracing::info!(cell = cell.name(), session = %folder.dir().display(), "learner ready");
     let mut line = TrialLine::so_far(&learner.summary());
-    let mut on_event = |event| report(&event, &mut line, args.json);
+    let mut on_event = |event: Event<'_>| report(&event, &mut line, args.json);
     // Whoever sits before a `learn` is told at once, and repeats it.
     let is_service = args.child.is_none();
     let end = session::run(ports, &mut learner, is_service, &stop, &mut on_event)?;
@@ -100,8 +100,9 @@ fn open(folder: &SessionFolder, config: &Config) -> Result<Learner> {
     learner.with_context(|| format!("session {}", folder.dir().display()))
 }
 
-fn report(event: &Event, line: &mut TrialLine, json: bool) {
+fn report(event: &Event<'_>, line: &mut TrialLine, json: bool) {
     match event {
+        Event::Executed { .. } | Event::Modes(_) => {}
         Event::Trial(trial) => {
             line.add(trial);
             if json {

@@ -3,15 +3,26 @@
 use std::time::Duration;
 
 use shm_types::channel::ChannelError;
+use shm_types::episode::{EpisodeHeader, TickRecord};
+use shm_types::policy::PolicyMsg;
 use thiserror::Error;
 
 use crate::error::LearnerError;
+use crate::modes::ModeReport;
 use crate::summary::TrialReport;
 
 /// What an onlooker may want to know.
 #[derive(Debug)]
-pub enum Event {
+pub enum Event<'a> {
+    /// A rollout that was learnt from, as it was executed, before its trial is told.
+    Executed {
+        policy: &'a PolicyMsg,
+        header: &'a EpisodeHeader,
+        records: &'a [TickRecord],
+    },
     Trial(TrialReport),
+    /// What the search has found: now and then, and at the end.
+    Modes(&'a [ModeReport]),
     /// Nothing was heard from the controller for this long; the learner waits.
     ControllerSilent(Duration),
     ControllerBack,

@@ -163,13 +163,15 @@ fn observe(bench: &BenchCell, slice: Duration, wakeup: &mut Row, tick: &mut Row)
             std::thread::sleep(Duration::from_millis(5));
             continue;
         };
-        for seen in &sample.ticks {
+        let ticks = sample.ticks();
+        let (Some(first), Some(last)) = (ticks.first(), ticks.last()) else { continue };
+        for seen in ticks {
             wakeup.add_time(Duration::from_nanos(seen.wakeup_ns));
             tick.add_time(Duration::from_nanos(seen.tick_ns));
         }
         // What happened before the first sample is another slice's, or the start's.
-        missed = sample.ticks[sample.ticks.len() - 1].missed;
-        missed_before.get_or_insert(sample.ticks[0].missed);
+        missed = last.missed;
+        missed_before.get_or_insert(first.missed);
         lost += sample.lost;
     }
     wakeup.misses = Some(wakeup.misses.unwrap_or(0) + missed - missed_before.unwrap_or(missed));

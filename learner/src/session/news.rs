@@ -1,0 +1,80 @@
+//! What observers are told: every trial, and now and then what the search has found.
+
+use shm_types::SCHEMA;
+use shm_types::news::{
+    MAX_MODES, ModeNews, TRIAL_HISTORY, TRIAL_SET_ASIDE, TRIAL_SUCCESS, TrialNews,
+};
+use shm_types::ports::LearnerPorts;
+
+use super::Event;
+use crate::learner::Learner;
+use crate::modes::ModeReport;
+use crate::store::TrialRecord;
+
+/// Trials between two looks at the modes: judging them takes longer than a trial of a fast task.
+const MODES_EVERY: usize = 10;
+
+/// What was last told of the modes.
+#[derive(Default)]
+pub struct News {
+    modes: Vec<ModeNews>,
+}
+
+impl News {
+    /// Tells all trials again: to the services of a new controller, or of a learner that resumes.
+    pub fn all(&mut self, ports: &LearnerPorts, learner: &Learner) {
+        let trials = learner.trials();
+        for trial in &trials[trials.len().saturating_sub(TRIAL_HISTORY)..] {
+            self.send(ports, learner, trial);
+        }
+    }
+
+    /// Tells the newest trial.
+    pub fn trial(
+        &mut self,
+        ports: &LearnerPorts,
+        learner: &Learner,
+        on_event: &mut dyn FnMut(Event<'_>),
+    ) {
+        let Some(newest) = learner.trials().last() else { return };
+        if learner.trials().len().is_multiple_of(MODES_EVERY) || learner.is_done() {
+            // What cannot be judged is told again later; nothing depends on it.
+            let reports = learner.mode_reports().unwrap_or_default();
+            self.modes = reports.iter().take(MAX_MODES).map(news_of_mode).collect();
+            on_event(Event::Modes(&reports));
+        }
+        self.send(ports, learner, newest);
+    }
+
+    fn send(&self, ports: &LearnerPorts, learner: &Learner, trial: &TrialRecord) {
+        let mut modes = [ModeNews::ZERO; MAX_MODES];
+        modes[..self.modes.len()].copy_from_slice(&self.modes);
+        let flag = |bit, is_set| if is_set { bit } else { 0 };
+        let news = TrialNews {
+            schema: SCHEMA,
+            session: learner.session_id(),
+            rollout: trial.rollout,
+            rollouts: learner.rollouts(),
+            policy_digest: trial.policy_digest,
+            fault: trial.fault,
+            flags: flag(TRIAL_SUCCESS, trial.success()) | flag(TRIAL_SET_ASIDE, trial.set_aside),
+            reward: trial.reward,
+            n_modes: self.modes.len() as u64,
+            modes,
+        };
+        // Nobody listening is no failure.
+        let _ = ports.trials.send_copy(news);
+    }
+}
+
+fn news_of_mode(report: &ModeReport) -> ModeNews {
+    let (best_rollout, best_reward) = report.best.unwrap_or((0, 0.0));
+    ModeNews {
+        prior: report.mode.prior,
+        n_trials: report.n_trials as u64,
+        best_rollout,
+        best_reward,
+        tolerance: report.tolerance.unwrap_or(-1.0),
+        forbidden: u64::from(report.forbidden),
+    }
+}

@@ -1,0 +1,131 @@
+//! What a learner tells observers: its trials and what the search has found.
+
+use iceoryx2::prelude::ZeroCopySend;
+use thiserror::Error;
+
+use crate::SCHEMA;
+
+/// Trials that an observer gets when it comes.
+pub const TRIAL_HISTORY: usize = 256;
+/// Modes in one message: those with the largest priors.
+pub const MAX_MODES: usize = 8;
+
+/// Bits of [`TrialNews::flags`].
+pub const TRIAL_SUCCESS: u64 = 1;
+pub const TRIAL_SET_ASIDE: u64 = 2;
+
+message! {
+    /// One mode of the search, in the order of falling priors.
+    pub struct ModeNews as "skillet/ModeNews/1" {
+        pub prior: f64,
+        pub n_trials: u64,
+        /// Best of its trials; rollout 0 when it has none.
+        pub best_rollout: u64,
+        pub best_reward: f64,
+        /// Expected reward under noise; negative where nothing is known.
+        pub tolerance: f64,
+        /// 1: it must not be used.
+        pub forbidden: u64,
+    }
+}
+
+message! {
+    /// A trial that is durable.
+    pub struct TrialNews as "skillet/TrialNews/1" {
+        pub schema: u64,
+        pub session: u64,
+        pub rollout: u64,
+        /// Rollouts the session is to have.
+        pub rollouts: u64,
+        pub policy_digest: u64,
+        /// First fault of the rollout, or 0.
+        pub fault: u64,
+        /// `TRIAL_*`.
+        pub flags: u64,
+        pub reward: f64,
+        /// Modes in use; they are told now and then, not with every trial.
+        pub n_modes: u64,
+        pub modes: [ModeNews; MAX_MODES],
+    }
+}
+
+/// Why news were not believed.
+#[derive(Debug, Error, PartialEq)]
+pub enum NewsError {
+    #[error("schema {found:#x} instead of {SCHEMA:#x}: learner and observer are different builds")]
+    Schema { found: u64 },
+    #[error("n_modes is {0}: at most {MAX_MODES} fit")]
+    Modes(u64),
+    #[error("{field} of rollout {rollout} is not finite")]
+    NotFinite { field: &'static str, rollout: u64 },
+}
+
+impl ModeNews {
+    pub const ZERO: ModeNews = ModeNews {
+        prior: 0.0,
+        n_trials: 0,
+        best_rollout: 0,
+        best_reward: 0.0,
+        tolerance: -1.0,
+        forbidden: 0,
+    };
+
+    fn is_finite(&self) -> bool {
+        [self.prior, self.best_reward, self.tolerance].iter().all(|value| value.is_finite())
+    }
+}
+
+impl TrialNews {
+    pub fn has(&self, flag: u64) -> bool {
+        self.flags & flag != 0
+    }
+
+    /// Checks everything, and returns the modes in use.
+    pub fn validate(&self) -> Result<&[ModeNews], NewsError> {
+        let rollout = self.rollout;
+        if self.schema != SCHEMA {
+            return Err(NewsError::Schema { found: self.schema });
+        }
+        if !self.reward.is_finite() {
+            return Err(NewsError::NotFinite { field: "reward", rollout });
+        }
+        let modes = usize::try_from(self.n_modes).ok().and_then(|n| self.modes.get(..n));
+        let modes = modes.ok_or(NewsError::Modes(self.n_modes))?;
+        if modes.iter().all(ModeNews::is_finite) {
+            Ok(modes)
+        } else {
+            Err(NewsError::NotFinite { field: "modes", rollout })
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn refuses_what_an_observer_must_not_show() {
+        let news = TrialNews {
+            schema: SCHEMA,
+            session: 1,
+            rollout: 2,
+            rollouts: 100,
+            policy_digest: 3,
+            fault: 0,
+            flags: TRIAL_SUCCESS,
+            reward: 0.5,
+            n_modes: 1,
+            modes: [ModeNews::ZERO; MAX_MODES],
+        };
+        assert_eq!(news.validate().map(<[_]>::len), Ok(1));
+        assert!(news.has(TRIAL_SUCCESS) && !news.has(TRIAL_SET_ASIDE));
+        let many = TrialNews { n_modes: 9, ..news };
+        assert_eq!(many.validate(), Err(NewsError::Modes(9)));
+        let foreign = TrialNews { schema: 1, ..news };
+        assert_eq!(foreign.validate(), Err(NewsError::Schema { found: 1 }));
+        let mut unmeasured = news;
+        unmeasured.modes[0].tolerance = f64::NAN;
+        let error = NewsError::NotFinite { field: "modes", rollout: 2 };
+        assert_eq!(unmeasured.validate(), Err(error));
+    }
+}
