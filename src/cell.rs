@@ -28,6 +28,10 @@ impl NamedCell {
         Ok(NamedCell { cell, config })
     }
 
+    pub fn config(&self) -> &Config {
+        &self.config
+    }
+
     pub fn state_dir(&self) -> PathBuf {
         state_dir(&self.config, &self.cell)
     }

@@ -2,6 +2,7 @@
 
 pub mod bench;
 pub mod doctor;
+pub mod record;
 pub mod soak;
 
 use std::num::NonZero;
@@ -40,6 +41,10 @@ pub enum Verb {
     Rearm(RearmArgs),
     /// Look at the policies of a session; put policies into a running cell, and take them back
     Policy(PolicyArgs),
+    /// Record a running cell at full rate, for Foxglove, PlotJuggler, Rerun and Python
+    Record(record::RecordArgs),
+    /// Run a trial of a session again, bit for bit, and record it
+    Replay(record::ReplayArgs),
     /// Write the figures and the HTML page of a session
     Report(ReportArgs),
     /// Repeat a study over many seeds: success rates with intervals, comparisons, figures
@@ -146,6 +151,9 @@ pub struct LearnArgs {
     /// Which of the modes found is the answer
     #[arg(long, value_enum)]
     pub prefer: Option<PreferArg>,
+    /// Record every rollout at full rate, as recording.mcap in the session folder
+    #[arg(long)]
+    pub record: bool,
     /// Session folder; an existing session of the same task is resumed
     #[arg(long)]
     pub out: Option<PathBuf>,
@@ -193,6 +201,9 @@ pub struct LearnerArgs {
     /// Configuration of a new session; a resumed one brings its own
     #[arg(long)]
     pub config: Option<PathBuf>,
+    /// Record every rollout at full rate, as recording.mcap in the session folder
+    #[arg(long)]
+    pub record: bool,
     /// Print one JSON object a trial
     #[arg(long)]
     pub json: bool,

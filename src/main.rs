@@ -13,6 +13,7 @@ mod log;
 mod metrics;
 mod output;
 mod progress;
+mod record;
 mod reload;
 mod report;
 
@@ -45,6 +46,8 @@ fn main() -> ExitCode {
         Verb::Status(args) => commands::status::run(args),
         Verb::Rearm(args) => commands::rearm::run(args),
         Verb::Policy(args) => commands::policy::run(args),
+        Verb::Record(args) => commands::record::run(args),
+        Verb::Replay(args) => commands::replay::run(args),
         Verb::Report(args) => commands::report::run(args),
         Verb::Study(args) => commands::study::run(args),
         Verb::Doctor(args) => commands::doctor::run(args),

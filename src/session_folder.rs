@@ -93,11 +93,11 @@ impl SessionFolder {
         let mut own = config.clone();
         if config.has_arm() {
             self.put(DEMONSTRATION, &demonstration_text(config)?)?;
-            self.put(ARM, &arm_text(config)?)?;
+            self.put(ARM, &setup::arm_text(config)?)?;
             own.task.demonstration = Some(DEMONSTRATION.into());
             for (i, path) in own.task.other_demonstrations.iter_mut().enumerate() {
                 let name = format!("demonstration-{}.csv", i + 2);
-                self.put(&name, &text_of(Some(path), "")?)?;
+                self.put(&name, &setup::text_of(Some(path), "")?)?;
                 *path = name.into();
             }
             own.plant.arm = Some(ARM.into());
@@ -126,7 +126,7 @@ impl SessionFolder {
         let files = [
             ("task.demonstration", demonstration_text(config)?, demonstration_text(&stored)?),
             ("task.other_demonstrations", other_texts(config)?, other_texts(&stored)?),
-            ("plant.arm", arm_text(config)?, arm_text(&stored)?),
+            ("plant.arm", setup::arm_text(config)?, setup::arm_text(&stored)?),
         ];
         let changed = files.iter().find(|(_, ours, theirs)| ours != theirs).map(|(name, ..)| *name);
         let changed = changed.or_else(|| {
@@ -168,23 +168,11 @@ impl SessionFolder {
 }
 
 fn demonstration_text(config: &Config) -> Result<String> {
-    text_of(config.task.demonstration.as_deref(), setup::PANCAKE_DEMONSTRATION)
+    setup::text_of(config.task.demonstration.as_deref(), setup::PANCAKE_DEMONSTRATION)
 }
 
 fn other_texts(config: &Config) -> Result<String> {
-    config.task.other_demonstrations.iter().map(|path| text_of(Some(path), "")).collect()
-}
-
-fn arm_text(config: &Config) -> Result<String> {
-    text_of(config.plant.arm.as_deref(), setup::WAM7_URDF)
-}
-
-fn text_of(given: Option<&Path>, built_in: &str) -> Result<String> {
-    match given {
-        Some(path) => fs::read_to_string(path)
-            .with_context(|| format!("{}: cannot read; check the path", path.display())),
-        None => Ok(built_in.to_string()),
-    }
+    config.task.other_demonstrations.iter().map(|path| setup::text_of(Some(path), "")).collect()
 }
 
 fn without_demonstration(config: &Config) -> TaskConfig {

@@ -68,6 +68,19 @@ pub fn arm(config: &Config) -> Result<ArmModel> {
     Ok(model)
 }
 
+/// The URDF of the arm.
+pub fn arm_text(config: &Config) -> Result<String> {
+    text_of(config.plant.arm.as_deref(), WAM7_URDF)
+}
+
+pub fn text_of(given: Option<&Path>, built_in: &str) -> Result<String> {
+    match given {
+        Some(path) => std::fs::read_to_string(path)
+            .with_context(|| format!("{}: cannot read; check the path", path.display())),
+        None => Ok(built_in.to_string()),
+    }
+}
+
 /// Everything that can be checked before a process starts: arm, demonstrations and their fit. A
 /// task without an arm has neither.
 pub fn check(config: &Config) -> Result<Vec<Demonstration>> {

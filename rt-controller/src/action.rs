@@ -8,6 +8,7 @@ use nalgebra::Vector3;
 use physics::action::ActionWorld;
 use shm_types::cell::Cell;
 use shm_types::episode::{MAX_RECORDS, OutcomeMsg, TickRecord};
+use shm_types::policy::PolicyMsg;
 
 use crate::admission::{Action, admit_action};
 use crate::config::Pace;
@@ -24,7 +25,7 @@ use crate::swap::Applied;
 /// How long the thread sleeps while there is nothing to do.
 const IDLE_SLEEP: Duration = Duration::from_micros(100);
 /// Time between two records of the tracked object.
-const PERIOD_NS: u64 = 1_000_000;
+pub const PERIOD_NS: u64 = 1_000_000;
 const PERIOD_S: f64 = PERIOD_NS as f64 * 1e-9;
 
 /// Runs until `stop` is set. Such a world has no clock of its own: every rollout is immediate.
@@ -85,6 +86,17 @@ fn execute<W: ActionWorld>(mut ends: Ends<Throw>, world: &W, stop: &AtomicBool) 
         tick += n_records.max(1) as u64;
         let _ = ends.done.push(done);
     }
+}
+
+/// One rollout in this process: the measured value, and the records of the tracked object. `None` when
+/// the policy is not admitted.
+pub fn replay<W: ActionWorld>(world: &W, policy: &PolicyMsg) -> Option<(f64, Vec<TickRecord>)> {
+    let Action(action) = admit_action(policy, world.dim()).ok()?;
+    let action = &action[..world.dim()];
+    let path = world.path(action, PERIOD_S);
+    let mut records = vec![TickRecord::ZERO; path.len().min(MAX_RECORDS)];
+    record(&path, 0, &mut records);
+    Some((world.measure(action), records))
 }
 
 /// Writes the path of the tracked object; returns the records in use.

@@ -128,9 +128,11 @@ fn run_services(
         &common,
     ]
     .concat();
+    let record = [OsStr::new("--record")];
     let learner_args = [
         &[OsStr::new("learner"), OsStr::new("--json")][..],
         &[OsStr::new("--session"), folder.dir().as_os_str()],
+        if args.record { &record[..] } else { &[] },
         &common,
     ]
     .concat();

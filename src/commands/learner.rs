@@ -19,9 +19,14 @@ use crate::Verdict;
 use crate::cli::LearnerArgs;
 use crate::config::Config;
 use crate::progress::TrialLine;
+use crate::record::file::recover_left;
+use crate::record::recorder::Limits;
+use crate::record::session::SessionRecorder;
 use crate::session_folder::SessionFolder;
-use crate::{log, reload, setup};
+use crate::{log, record, reload, setup};
 
+/// A further recording begins when one has grown so large.
+const RECORDING_BYTES: u64 = 512_000_000;
 /// How long a learner looks for a controller before it says so, and looks again.
 const PATIENCE: Duration = Duration::from_secs(10);
 
@@ -67,11 +72,20 @@ pub fn run(args: &LearnerArgs) -> Result<Verdict> {
     tell_manager("learning");
     tracing::info!(cell = cell.name(), session = %folder.dir().display(), "learner ready");
     let mut line = TrialLine::so_far(&learner.summary());
-    let mut on_event = |event: Event<'_>| report(&event, &mut line, args.json);
+    let mut recording = args.record.then(|| start_recording(&folder, &config)).transpose()?;
+    let mut on_event = |event: Event<'_>| {
+        write_down(&event, &mut recording);
+        report(&event, &mut line, args.json);
+    };
     // Whoever sits before a `learn` is told at once, and repeats it.
     let is_service = args.child.is_none();
     let end = session::run(ports, &mut learner, is_service, &stop, &mut on_event)?;
     let _ = sd_notify::notify(false, &[NotifyState::Stopping]);
+    if let Some(recording) = recording {
+        for file in recording.finish()? {
+            tracing::info!(file = %file.display(), "recorded");
+        }
+    }
     let modes = learner.modes()?;
     let answer = choose(modes.iter().map(|(report, _)| report), config.learner.prefer);
     tracing::info!(
@@ -81,6 +95,36 @@ pub fn run(args: &LearnerArgs) -> Result<Verdict> {
         "learner ended in order"
     );
     Ok(if end == End::Done { Verdict::Done } else { Verdict::Negative })
+}
+
+fn start_recording(folder: &SessionFolder, config: &Config) -> Result<SessionRecorder> {
+    for recovered in recover_left(folder.dir())? {
+        tracing::info!(file = %recovered.display(), "recording completed: its learner had died");
+    }
+    let path = folder.dir().join("recording.mcap");
+    let limits = Limits { max_bytes: RECORDING_BYTES, by_rollout: false, object_always: true };
+    SessionRecorder::new(record::scribe(config)?, &path, limits, record::attachments(config)?)
+}
+
+/// A recording that cannot be written ends; learning does not.
+fn write_down(event: &Event<'_>, recording: &mut Option<SessionRecorder>) {
+    let Some(recorder) = recording else { return };
+    let result = match event {
+        Event::Executed { policy, header, records } => recorder.executed(policy, header, records),
+        Event::Trial(report) => {
+            recorder.trial(report);
+            Ok(())
+        }
+        Event::Modes(reports) => {
+            recorder.modes(reports);
+            Ok(())
+        }
+        _ => Ok(()),
+    };
+    if let Err(error) = result {
+        tracing::error!("{error:#}; recording stopped, learning goes on");
+        *recording = None;
+    }
 }
 
 fn open(folder: &SessionFolder, config: &Config) -> Result<Learner> {

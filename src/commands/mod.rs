@@ -10,6 +10,8 @@ pub mod live;
 pub mod modes;
 pub mod policy;
 pub mod rearm;
+pub mod record;
+pub mod replay;
 pub mod report;
 pub mod soak;
 pub mod status;

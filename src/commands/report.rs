@@ -55,7 +55,7 @@ fn gather(folder: &SessionFolder, notes: &[(String, String)]) -> Result<ReportDa
     let store = open(folder.dir(), &folder.database())?;
     let trials = store.trials()?;
     let initial = store.initial_policy()?;
-    let learnt_rollout = learnt(&trials);
+    let learnt_rollout = best(&trials);
     let learnt = match trials.iter().find(|trial| trial.rollout == learnt_rollout) {
         Some(trial) => store.policy(trial.policy_id)?.unwrap_or(initial),
         None => initial,
@@ -116,7 +116,7 @@ fn plane(folder: &SessionFolder) -> Result<Option<Plane>> {
 }
 
 /// The rollout shown as "learnt": the best caught flip, or the best reward when there is none.
-fn learnt(trials: &[TrialRecord]) -> u64 {
+pub fn best(trials: &[TrialRecord]) -> u64 {
     let caught: Vec<TrialRecord> = trials.iter().filter(|t| t.success()).cloned().collect();
     let candidates = if caught.is_empty() { trials } else { &caught };
     Summary::of(candidates).best_rollout.unwrap_or(1)

@@ -1,0 +1,301 @@
+//! Messages of our own in a recording, as Protocol Buffers; units are in the names of the fields.
+//!
+//! Every file carries their schema. Numbers of a tick are rounded to a binary grid far below what
+//! any sensor resolves: random low bits are most of what a compressor cannot compress.
+
+use foxglove::Encode;
+use learner::modes::ModeReport;
+use shm_types::episode::{
+    EpisodeHeader, FLAG_BLENDING, FLAG_IN_CONTACT, FLAG_NEAR_JOINT_LIMIT, FLAG_NEAR_SPEED_LIMIT,
+    FLAG_RATE_LIMITED, FLAG_TORQUE_CLIPPED, OUTCOME_DROPPED, OUTCOME_EXPLOIT, OUTCOME_SUCCESS,
+    OUTCOME_TOSSED,
+};
+use shm_types::news::TrialNews;
+use shm_types::policy::PolicyMsg;
+use shm_types::telemetry::TelemetryTick;
+
+use super::loop_policy::LoopPolicy;
+
+/// Resolutions as negative powers of two: 2⁻¹⁵ rad (31 µrad), 2⁻⁹ rad/s, 2⁻⁶ N·m, 2⁻¹⁵ m and rad
+/// (31 µm), 2⁻¹³ of an attractor, 2⁻⁸ of an activation, 2⁻¹ s⁻².
+const POSITION_BITS: i32 = 15;
+const SPEED_BITS: i32 = 9;
+const TORQUE_BITS: i32 = 6;
+const POSE_BITS: i32 = 15;
+const ATTRACTOR_BITS: i32 = 13;
+const ACTIVATION_BITS: i32 = 8;
+const STIFFNESS_BITS: i32 = 1;
+
+/// Ticks are timed in steps of this length.
+const TICK_STEP_NS: u64 = 128;
+/// First phase in which a policy acts.
+const EXECUTE: u32 = 2;
+
+/// What one tick measured and commanded.
+#[derive(Encode)]
+pub struct Tick {
+    pub tick: u64,
+    /// 0 Idle, 1 Approach, 2 Execute, 3 Settle.
+    pub phase: u32,
+    pub fault: u32,
+    pub q_rad: Vec<f32>,
+    pub qd_rad_s: Vec<f32>,
+    pub tau_n_m: Vec<f32>,
+    /// Pose of the pan: x, y, z, pitch, roll, yaw, as many as are learnt.
+    pub pose_m_rad: Vec<f32>,
+    /// Σ hᵢ μᵢ, of the same coordinates.
+    pub attractor_m_rad: Vec<f32>,
+    /// hᵢ of the policy in the loop.
+    pub activations: Vec<f32>,
+    /// Σ hᵢ Kᵢ, packed lower triangle by rows of the learnt coordinates.
+    pub stiffness_per_s2: Vec<f32>,
+    /// The pancake, not in every tick of a live recording; orientation as w, i, j, k.
+    pub object_m: Vec<f32>,
+    pub object_quaternion: Vec<f32>,
+    pub in_contact: bool,
+    pub torque_clipped: bool,
+    pub rate_limited: bool,
+    pub near_joint_limit: bool,
+    pub near_speed_limit: bool,
+    pub blending: bool,
+    /// Wake-up after the deadline, and time in the tick itself; absent in what was not timed.
+    pub wakeup_us: Option<u32>,
+    pub tick_ns: Option<u32>,
+    pub deadlines_missed: u64,
+    /// Of the policy in the loop.
+    pub policy_digest: u64,
+}
+
+/// One spring of a policy.
+#[derive(Encode)]
+pub struct Spring {
+    /// Of its activation: s, or the decay's phase.
+    pub center: f64,
+    pub width: f64,
+    pub attractor_m_rad: Vec<f64>,
+    /// Packed lower triangle by rows.
+    pub stiffness_per_s2: Vec<f64>,
+}
+
+/// A policy that went into the loop.
+#[derive(Encode)]
+pub struct Policy {
+    pub digest: u64,
+    pub session: u64,
+    pub rollout: u64,
+    pub policy_id: u64,
+    pub task_dim: u32,
+    pub duration_s: f64,
+    pub decay_per_s: f64,
+    pub damping_per_s: f64,
+    pub springs: Vec<Spring>,
+    /// Of a task without arm.
+    pub action: Vec<f64>,
+}
+
+/// What the world measured in a rollout.
+#[derive(Encode)]
+pub struct Outcome {
+    pub session: u64,
+    pub rollout: u64,
+    pub policy_digest: u64,
+    pub applied_tick: u64,
+    pub n_records: u64,
+    pub fault: u64,
+    pub tossed: bool,
+    pub success: bool,
+    pub dropped: bool,
+    pub exploit: bool,
+    pub value: f64,
+    pub release_time_s: f64,
+    pub release_speed_m_s: f64,
+    pub release_spin_rad_s: f64,
+    pub apex_m: f64,
+    pub crossing_time_s: f64,
+    pub flip_angle_rad: f64,
+    pub distance_m: f64,
+    pub lateral_m: f64,
+    pub final_lateral_m: f64,
+    pub release_pitch_rate_rad_s: f64,
+    pub bounce_s: f64,
+    pub clipped_share: f64,
+}
+
+/// What was learnt from a rollout.
+#[derive(Encode)]
+pub struct Trial {
+    pub session: u64,
+    pub rollout: u64,
+    pub policy_digest: u64,
+    pub reward: f64,
+    pub success: bool,
+    pub set_aside: bool,
+    pub fault: u64,
+}
+
+/// One mode of the search.
+#[derive(Encode)]
+pub struct Mode {
+    pub number: u32,
+    pub prior: f64,
+    pub n_trials: u64,
+    /// 0: it has none.
+    pub best_rollout: u64,
+    pub best_reward: f64,
+    pub tolerance: Option<f64>,
+    pub forbidden: bool,
+    /// In the scaled space of the search: mean, and covariance by columns; empty where only the
+    /// learner knows them.
+    pub mean: Vec<f64>,
+    pub covariance: Vec<f64>,
+}
+
+/// The mixture the search has found.
+#[derive(Encode)]
+pub struct Mixture {
+    pub modes: Vec<Mode>,
+}
+
+impl Tick {
+    /// `policy` is the one in the loop, as far as it is known.
+    pub fn new(
+        seen: &TelemetryTick,
+        n_joints: usize,
+        policy: Option<&LoopPolicy>,
+        with_object: bool,
+    ) -> Tick {
+        let record = &seen.record;
+        let is = |flag| record.flags & flag != 0;
+        // Without a wall clock nobody woke up.
+        let is_timed = seen.tick_ns > 0;
+        let timed = |time: u64| is_timed.then_some(u32::try_from(time).unwrap_or(u32::MAX));
+        let n_learnt = policy.map_or(record.x.len(), LoopPolicy::task_dim);
+        let springs = policy.filter(|_| record.phase >= EXECUTE);
+        let of_object = |values: &[f64]| match with_object {
+            true => rounded(values, POSE_BITS),
+            false => Vec::new(),
+        };
+        let (activations, stiffness) = springs.map_or_else(Default::default, |p| p.at(record.t_s));
+        Tick {
+            tick: record.tick,
+            phase: record.phase,
+            fault: record.fault,
+            q_rad: rounded(&record.q[..n_joints], POSITION_BITS),
+            qd_rad_s: rounded(&record.qd[..n_joints], SPEED_BITS),
+            tau_n_m: rounded(&record.tau[..n_joints], TORQUE_BITS),
+            pose_m_rad: rounded(&record.x[..n_learnt], POSE_BITS),
+            attractor_m_rad: rounded(&record.attractor[..n_learnt], ATTRACTOR_BITS),
+            activations: rounded(&activations, ACTIVATION_BITS),
+            stiffness_per_s2: rounded(&stiffness, STIFFNESS_BITS),
+            object_m: of_object(&record.object_position),
+            object_quaternion: of_object(&record.object_quaternion),
+            in_contact: is(FLAG_IN_CONTACT),
+            torque_clipped: is(FLAG_TORQUE_CLIPPED),
+            rate_limited: is(FLAG_RATE_LIMITED),
+            near_joint_limit: is(FLAG_NEAR_JOINT_LIMIT),
+            near_speed_limit: is(FLAG_NEAR_SPEED_LIMIT),
+            blending: is(FLAG_BLENDING),
+            wakeup_us: timed(seen.wakeup_ns / 1000),
+            tick_ns: timed(seen.tick_ns / TICK_STEP_NS * TICK_STEP_NS),
+            deadlines_missed: seen.missed,
+            policy_digest: seen.policy_digest,
+        }
+    }
+}
+
+/// On the grid of 2⁻ᵇⁱᵗˢ.
+fn rounded(values: &[f64], bits: i32) -> Vec<f32> {
+    let grid = f64::from(bits).exp2();
+    values.iter().map(|value| ((value * grid).round() / grid) as f32).collect()
+}
+
+impl From<&PolicyMsg> for Policy {
+    fn from(message: &PolicyMsg) -> Policy {
+        let d = message.task_dim as usize;
+        let springs = message.components().iter().map(|component| Spring {
+            center: component.center,
+            width: component.width,
+            attractor_m_rad: component.attractor.to_vec(),
+            stiffness_per_s2: component.stiffness[..d * (d + 1) / 2].to_vec(),
+        });
+        Policy {
+            digest: message.digest,
+            session: message.session,
+            rollout: message.rollout,
+            policy_id: message.policy_id,
+            task_dim: message.task_dim,
+            duration_s: message.duration_s,
+            decay_per_s: message.decay_rate,
+            damping_per_s: message.damping,
+            springs: springs.collect(),
+            action: message.action[..message.n_actions as usize].to_vec(),
+        }
+    }
+}
+
+impl From<&EpisodeHeader> for Outcome {
+    fn from(header: &EpisodeHeader) -> Outcome {
+        let outcome = &header.outcome;
+        Outcome {
+            session: header.session,
+            rollout: header.rollout,
+            policy_digest: header.policy_digest,
+            applied_tick: header.applied_tick,
+            n_records: header.n_records,
+            fault: header.fault,
+            tossed: outcome.has(OUTCOME_TOSSED),
+            success: outcome.has(OUTCOME_SUCCESS),
+            dropped: outcome.has(OUTCOME_DROPPED),
+            exploit: outcome.has(OUTCOME_EXPLOIT),
+            value: outcome.value,
+            release_time_s: outcome.release_time_s,
+            release_speed_m_s: outcome.release_speed_m_s,
+            release_spin_rad_s: outcome.release_spin_rad_s,
+            apex_m: outcome.apex_m,
+            crossing_time_s: outcome.crossing_time_s,
+            flip_angle_rad: outcome.flip_angle_rad,
+            distance_m: outcome.distance_m,
+            lateral_m: outcome.lateral_m,
+            final_lateral_m: outcome.final_lateral_m,
+            release_pitch_rate_rad_s: outcome.release_pitch_rate_rad_s,
+            bounce_s: outcome.bounce_s,
+            clipped_share: outcome.clipped_share,
+        }
+    }
+}
+
+impl From<&[ModeReport]> for Mixture {
+    fn from(reports: &[ModeReport]) -> Mixture {
+        let modes = reports.iter().map(|report| Mode {
+            number: report.number as u32,
+            prior: report.mode.prior,
+            n_trials: report.n_trials as u64,
+            best_rollout: report.best.map_or(0, |(rollout, _)| rollout),
+            best_reward: report.best.map_or(0.0, |(_, reward)| reward),
+            tolerance: report.tolerance,
+            forbidden: report.forbidden,
+            mean: report.mode.mean.as_slice().to_vec(),
+            covariance: report.mode.covariance.as_slice().to_vec(),
+        });
+        Mixture { modes: modes.collect() }
+    }
+}
+
+impl Mixture {
+    /// As much as an observer is told.
+    pub fn of_news(news: &TrialNews) -> Option<Mixture> {
+        let modes = news.validate().ok().filter(|modes| !modes.is_empty())?;
+        let modes = modes.iter().enumerate().map(|(i, mode)| Mode {
+            number: i as u32 + 1,
+            prior: mode.prior,
+            n_trials: mode.n_trials,
+            best_rollout: mode.best_rollout,
+            best_reward: mode.best_reward,
+            tolerance: (mode.tolerance >= 0.0).then_some(mode.tolerance),
+            forbidden: mode.forbidden != 0,
+            mean: Vec::new(),
+            covariance: Vec::new(),
+        });
+        Some(Mixture { modes: modes.collect() })
+    }
+}

@@ -1,0 +1,164 @@
+//! Records a running cell: everything its channels tell, at full rate, into bounded files.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use shm_types::news::{TRIAL_SET_ASIDE, TRIAL_SUCCESS, TrialNews};
+use shm_types::telemetry::TelemetryTick;
+
+use super::file::{RecordingFile, free};
+use super::messages::{Mixture, Trial};
+use super::scribe::{Detail, Scribe};
+use super::watcher::Seen;
+
+/// Frames every so many ticks, 50 Hz at 1 kHz; stiffness and attractor as a drawing less often.
+const FRAMES_EVERY: u64 = 20;
+const SPRINGS_EVERY: u64 = 40;
+const APPROACH: u32 = 1;
+
+/// Name, media type and text of what is attached to every file: configuration and arm.
+pub type Attachment = (&'static str, &'static str, String);
+
+/// Where recordings go, and how large they may become.
+pub struct Limits {
+    pub max_bytes: u64,
+    /// A new file for every rollout.
+    pub by_rollout: bool,
+    /// The pancake in every tick, not only where frames are drawn: a sixth more.
+    pub object_always: bool,
+}
+
+pub struct Recorder {
+    scribe: Scribe,
+    file: RecordingFile,
+    /// Name of the first file; the following ones are numbered.
+    path: PathBuf,
+    limits: Limits,
+    attachments: Vec<Attachment>,
+    finished: Vec<PathBuf>,
+    last_phase: u32,
+    /// The bodies are in this file.
+    is_drawn: bool,
+    bytes_before: u64,
+}
+
+impl Recorder {
+    pub fn new(
+        scribe: Scribe,
+        path: &Path,
+        limits: Limits,
+        attachments: Vec<Attachment>,
+    ) -> Result<Recorder> {
+        let file = begin(&scribe, &free(path), &attachments)?;
+        Ok(Recorder {
+            scribe,
+            file,
+            path: path.to_path_buf(),
+            limits,
+            attachments,
+            finished: Vec::new(),
+            last_phase: 0,
+            is_drawn: false,
+            bytes_before: 0,
+        })
+    }
+
+    /// Writes down what was seen.
+    pub fn write(&mut self, seen: &Seen) -> Result<()> {
+        match seen {
+            Seen::Policy(policy) => self.scribe.policy(policy),
+            Seen::Outcome(header) => self.scribe.outcome(header),
+            Seen::Tick(tick, at_ns) => self.tick(tick, *at_ns)?,
+            Seen::Trial(news) => {
+                self.scribe.trial(&trial(news));
+                if let Some(mixture) = Mixture::of_news(news) {
+                    self.scribe.mixture(&mixture);
+                }
+            }
+            Seen::Lost(ticks) => self.scribe.warn(format!("{ticks} ticks were not seen")),
+            Seen::ControllerGone => self.scribe.warn("the controller has gone".into()),
+            Seen::ControllerBack => self.scribe.warn("a controller is there again".into()),
+        }
+        Ok(())
+    }
+
+    pub fn tick(&mut self, tick: &TelemetryTick, at_ns: u64) -> Result<()> {
+        let phase = tick.record.phase;
+        let begins = phase == APPROACH && self.last_phase != APPROACH;
+        self.last_phase = phase;
+        if begins {
+            self.begin_rollout()?;
+        } else if self.file.bytes() >= self.limits.max_bytes {
+            self.next_file()?;
+        }
+        if !self.is_drawn {
+            self.scribe.set_now(at_ns);
+            self.scribe.policies_again();
+            self.scribe.bodies();
+            self.is_drawn = true;
+        }
+        let every = |ticks| tick.record.tick.is_multiple_of(ticks);
+        let frames = every(FRAMES_EVERY);
+        let object = frames || self.limits.object_always;
+        let detail = Detail { object, frames, springs: every(SPRINGS_EVERY) };
+        self.scribe.tick(tick, at_ns, detail);
+        Ok(())
+    }
+
+    /// A new file for it, where that is asked for.
+    pub fn begin_rollout(&mut self) -> Result<()> {
+        if self.limits.by_rollout && self.is_drawn {
+            self.next_file()?;
+        }
+        Ok(())
+    }
+
+    pub fn scribe(&mut self) -> &mut Scribe {
+        &mut self.scribe
+    }
+
+    /// Bytes written so far, in all files.
+    pub fn bytes(&self) -> u64 {
+        self.bytes_before + self.file.bytes()
+    }
+
+    /// What is complete reaches the disk, once a second.
+    pub fn keep(&mut self) -> Result<()> {
+        self.file.keep()
+    }
+
+    fn next_file(&mut self) -> Result<()> {
+        self.bytes_before += self.file.bytes();
+        let next = begin(&self.scribe, &free(&self.path), &self.attachments)?;
+        let full = std::mem::replace(&mut self.file, next);
+        self.finished.push(full.finish()?);
+        self.is_drawn = false;
+        Ok(())
+    }
+
+    /// Completes the last file; returns all.
+    pub fn finish(mut self) -> Result<Vec<PathBuf>> {
+        self.finished.push(self.file.finish()?);
+        Ok(self.finished)
+    }
+}
+
+fn begin(scribe: &Scribe, path: &Path, attachments: &[Attachment]) -> Result<RecordingFile> {
+    let file = RecordingFile::create(path, scribe.context())?;
+    for (name, media_type, text) in attachments {
+        file.attach(name, media_type, text)?;
+    }
+    Ok(file)
+}
+
+pub fn trial(news: &TrialNews) -> Trial {
+    Trial {
+        session: news.session,
+        rollout: news.rollout,
+        policy_digest: news.policy_digest,
+        reward: news.reward,
+        success: news.has(TRIAL_SUCCESS),
+        set_aside: news.has(TRIAL_SET_ASIDE),
+        fault: news.fault,
+    }
+}

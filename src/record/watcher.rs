@@ -1,0 +1,147 @@
+//! An observer of a running cell that does not lose sight of it: it follows restarted controllers
+//! and counts what it missed.
+
+use std::collections::VecDeque;
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use anyhow::Result;
+use shm_types::SCHEMA;
+use shm_types::cell::Cell;
+use shm_types::channel::ChannelError;
+use shm_types::episode::EpisodeHeader;
+use shm_types::news::TrialNews;
+use shm_types::policy::PolicyMsg;
+use shm_types::ports::ObserverPorts;
+use shm_types::telemetry::TelemetryTick;
+
+/// How long a lost controller is looked for before the caller gets another turn.
+const SOON: Duration = Duration::from_millis(20);
+/// Ticks that lie further apart in time than in number are not of one run of the loop.
+const CLOCK_TOLERANCE: Duration = Duration::from_millis(250);
+
+/// What was seen, in the order in which it is best told.
+pub enum Seen {
+    Policy(Box<PolicyMsg>),
+    Outcome(Box<EpisodeHeader>),
+    /// A tick, and its time since the epoch, ns.
+    Tick(Box<TelemetryTick>, u64),
+    Trial(Box<TrialNews>),
+    /// So many ticks are missing before the next one.
+    Lost(u64),
+    /// The controller has gone; another one is looked for.
+    ControllerGone,
+    ControllerBack,
+}
+
+pub struct Watcher {
+    cell: Cell,
+    ports: Option<ObserverPorts>,
+    period: Duration,
+    /// Time of tick 0, ns since the epoch.
+    origin_ns: Option<u64>,
+    next_tick: Option<u64>,
+    seen: VecDeque<Seen>,
+    pub ticks: u64,
+    pub lost: u64,
+}
+
+impl Watcher {
+    /// Waits up to `timeout` for a controller, whose ticks lie `period` apart.
+    pub fn open(cell: &Cell, period: Duration, timeout: Duration) -> Result<Watcher> {
+        let ports = Some(ObserverPorts::open(cell, timeout)?);
+        let (cell, seen) = (cell.clone(), VecDeque::new());
+        let (origin_ns, next_tick) = (None, None);
+        Ok(Watcher { cell, ports, period, origin_ns, next_tick, seen, ticks: 0, lost: 0 })
+    }
+
+    /// The next thing seen; `None` when there is nothing new.
+    pub fn next(&mut self) -> Result<Option<Seen>> {
+        if self.seen.is_empty() {
+            self.look()?;
+        }
+        Ok(self.seen.pop_front())
+    }
+
+    fn look(&mut self) -> Result<()> {
+        let Some(ports) = &self.ports else { return self.look_for_controller() };
+        while let Some(policy) = ports.in_loop.receive()? {
+            self.seen.push_back(Seen::Policy(Box::new(*policy)));
+        }
+        while let Some(header) = ports.outcomes.receive()? {
+            if header.schema == SCHEMA {
+                self.seen.push_back(Seen::Outcome(Box::new(*header)));
+            }
+        }
+        let mut ticks = Vec::new();
+        while let Some(sample) = ports.telemetry.receive()? {
+            ticks.extend_from_slice(sample.ticks());
+        }
+        while let Some(news) = ports.trials.receive()? {
+            if news.validate().is_ok() {
+                self.seen.push_back(Seen::Trial(Box::new(*news)));
+            }
+        }
+        let is_current = ports.is_current();
+        if let Some(last) = ticks.last() {
+            self.keep_time(last.record.tick);
+        }
+        for tick in ticks {
+            self.take(tick);
+        }
+        if !is_current {
+            self.ports = None;
+            self.seen.push_back(Seen::ControllerGone);
+        }
+        Ok(())
+    }
+
+    fn look_for_controller(&mut self) -> Result<()> {
+        match ObserverPorts::open(&self.cell, SOON) {
+            Ok(ports) => {
+                self.ports = Some(ports);
+                // Another loop, another count and another clock.
+                (self.next_tick, self.origin_ns) = (None, None);
+                self.seen.push_back(Seen::ControllerBack);
+                Ok(())
+            }
+            Err(ChannelError::NoController { .. }) => Ok(()),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    fn take(&mut self, tick: TelemetryTick) {
+        let number = tick.record.tick;
+        let missing = self.next_tick.map_or(0, |next| number.saturating_sub(next));
+        if missing > 0 {
+            self.lost += missing;
+            self.seen.push_back(Seen::Lost(missing));
+        }
+        self.next_tick = Some(number + 1);
+        self.ticks += 1;
+        let at_ns = self.origin_ns.unwrap_or(0) + self.since_start(number);
+        self.seen.push_back(Seen::Tick(Box::new(tick), at_ns));
+    }
+
+    fn since_start(&self, tick: u64) -> u64 {
+        tick * self.period.as_nanos() as u64
+    }
+
+    /// Ticks have numbers, not times. They count from an origin that is set once, so that neighbours
+    /// lie one period apart, and again when the loop has stood still or runs without the wall clock.
+    fn keep_time(&mut self, newest: u64) {
+        let now_ns = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_nanos();
+        let found = (now_ns as u64).saturating_sub(self.since_start(newest));
+        // Never back: time in a file only grows.
+        let is_ahead = |origin: u64| found > origin + CLOCK_TOLERANCE.as_nanos() as u64;
+        if self.origin_ns.is_none_or(is_ahead) {
+            self.origin_ns = Some(found);
+        }
+    }
+}
+
+/// Waits as long as is good for an observer: often enough to lose nothing, seldom enough to disturb
+/// nobody. A controller at full speed fills the channel in 50 ms.
+pub fn pause(since: Instant) {
+    const PAUSE: Duration = Duration::from_millis(10);
+    std::thread::sleep(PAUSE.saturating_sub(since.elapsed()));
+}
