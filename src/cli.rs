@@ -37,10 +37,14 @@ pub enum Verb {
     Learner(LearnerArgs),
     /// Ask a running controller how it is
     Status(StatusArgs),
+    /// Hold the arm where it is, until it is re-armed
+    Hold(HoldArgs),
     /// End the hold after a machine fault, once its cause is mended
     Rearm(RearmArgs),
     /// Look at the policies of a session; put policies into a running cell, and take them back
     Policy(PolicyArgs),
+    /// Watch a running cell in the terminal, or in a 3-D viewer
+    Watch(record::WatchArgs),
     /// Record a running cell at full rate, for Foxglove, PlotJuggler, Rerun and Python
     Record(record::RecordArgs),
     /// Run a trial of a session again, bit for bit, and record it
@@ -215,6 +219,20 @@ pub struct LearnerArgs {
 #[derive(Args)]
 #[command(after_help = "Example: skillet status --cell kitchen --json")]
 pub struct StatusArgs {
+    #[command(flatten)]
+    pub cell: CellArgs,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Args)]
+#[command(after_help = "\
+Example: skillet hold --cell kitchen
+
+Damped gravity hold from the next tick on, over a restart of the controller as well, until
+`skillet rearm`. It is no emergency stop: that is hardware.")]
+pub struct HoldArgs {
     #[command(flatten)]
     pub cell: CellArgs,
     /// Print JSON

@@ -22,6 +22,7 @@ mod setup;
 mod soak;
 mod study;
 mod summary;
+mod watch;
 
 use std::process::ExitCode;
 
@@ -44,8 +45,10 @@ fn main() -> ExitCode {
         Verb::Controller(args) => commands::controller::run(args),
         Verb::Learner(args) => commands::learner::run(args),
         Verb::Status(args) => commands::status::run(args),
+        Verb::Hold(args) => commands::rearm::hold(args),
         Verb::Rearm(args) => commands::rearm::run(args),
         Verb::Policy(args) => commands::policy::run(args),
+        Verb::Watch(args) => commands::watch::run(args),
         Verb::Record(args) => commands::record::run(args),
         Verb::Replay(args) => commands::replay::run(args),
         Verb::Report(args) => commands::report::run(args),

@@ -8,9 +8,9 @@ use std::sync::Arc;
 
 use shm_types::channel::CommandRequest;
 use shm_types::command::{
-    COMMAND_ACTIVATE, COMMAND_ALLOW, COMMAND_FORBID, COMMAND_IMPORT, COMMAND_PIN, COMMAND_REARM,
-    COMMAND_ROLLBACK, COMMAND_STATUS, COMMAND_STOP, COMMAND_UNPIN, Command, CommandError,
-    LAST_GOOD, Reply,
+    COMMAND_ACTIVATE, COMMAND_ALLOW, COMMAND_FORBID, COMMAND_HOLD, COMMAND_IMPORT, COMMAND_PIN,
+    COMMAND_REARM, COMMAND_ROLLBACK, COMMAND_STATUS, COMMAND_STOP, COMMAND_UNPIN, Command,
+    CommandError, LAST_GOOD, Reply,
 };
 use shm_types::policy::PolicyName;
 use thiserror::Error;
@@ -40,6 +40,8 @@ pub(crate) enum Refusal {
     Abandoned(String, &'static str),
     #[error("the arm is held after a machine fault ({0}): `skillet rearm` first")]
     Latched(&'static str),
+    #[error("this task has no arm that could be held")]
+    NoArm,
     #[error("nothing is latched: there is nothing to re-arm")]
     NothingLatched,
     #[error("{0}: still so, or a moment ago; mend it, wait a second and try again")]
@@ -173,6 +175,10 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
             COMMAND_ROLLBACK => {
                 self.expect_armed()?;
                 Outcome::Applied(self.serving.rollback(at)?)
+            }
+            COMMAND_HOLD => {
+                self.hold()?;
+                Outcome::Done
             }
             COMMAND_REARM => {
                 self.rearm()?;

@@ -1,9 +1,9 @@
 //! Faults: why the arm is held instead of driven.
 
 use shm_types::episode::{
-    FAULT_APPROACH_TIMEOUT, FAULT_MEASUREMENT_INCONSISTENT, FAULT_MEASUREMENT_NOT_FINITE,
-    FAULT_MEASUREMENT_STALE, FAULT_OVERRUN, FAULT_POLICY_REFUSED, FAULT_SWAPPED,
-    FAULT_UNEXPECTED_FORCE,
+    FAULT_APPROACH_TIMEOUT, FAULT_HELD, FAULT_MEASUREMENT_INCONSISTENT,
+    FAULT_MEASUREMENT_NOT_FINITE, FAULT_MEASUREMENT_STALE, FAULT_OVERRUN, FAULT_POLICY_REFUSED,
+    FAULT_SWAPPED, FAULT_UNEXPECTED_FORCE,
 };
 
 /// Why a tick fell back to damped gravity hold.
@@ -37,6 +37,8 @@ pub enum Fault {
     UnexpectedForce = FAULT_UNEXPECTED_FORCE as u32,
     /// The pan left the workspace under a policy.
     OutOfWorkspace = 13,
+    /// Somebody asked for the arm to be held.
+    Held = FAULT_HELD as u32,
 }
 
 impl Fault {
@@ -69,6 +71,7 @@ impl Fault {
             Fault::MeasurementStale,
             Fault::MeasurementInconsistent,
             Fault::UnexpectedForce,
+            Fault::Held,
         ];
         all.into_iter().find(|fault| *fault as u32 == code)
     }
@@ -90,6 +93,7 @@ impl Fault {
             11 => "measured positions and speeds contradict each other",
             12 => "the arm does not move as its torques say",
             13 => "the pan left the workspace",
+            14 => "somebody asked for the hold",
             _ => "unknown fault code",
         }
     }

@@ -38,6 +38,8 @@ pub(crate) struct Latch {
     is_present: AtomicBool,
     /// Asked to re-arm and not yet answered.
     is_asked: AtomicBool,
+    /// Asked to hold the arm.
+    is_hold_asked: AtomicBool,
 }
 
 impl Latch {
@@ -46,6 +48,7 @@ impl Latch {
             fault: AtomicU32::new(Fault::None as u32),
             is_present: AtomicBool::new(false),
             is_asked: AtomicBool::new(false),
+            is_hold_asked: AtomicBool::new(false),
         }
     }
 
@@ -68,6 +71,16 @@ impl Latch {
         self.is_asked.store(true, Ordering::Release);
     }
 
+    /// Asks the loop to hold the arm from its next tick on.
+    pub fn hold(&self) {
+        self.is_hold_asked.store(true, Ordering::Release);
+    }
+
+    /// The loop has not taken notice of it yet.
+    pub fn is_hold_asked(&self) -> bool {
+        self.is_hold_asked.load(Ordering::Acquire)
+    }
+
     /// The loop has not answered yet. Once it has, [`Latch::fault`] is its answer.
     pub fn is_asked(&self) -> bool {
         self.is_asked.load(Ordering::Acquire)
@@ -79,6 +92,10 @@ impl Latch {
         let asked = self.is_asked.load(Ordering::Acquire);
         if asked {
             controller.rearm();
+        }
+        if self.is_hold_asked() {
+            controller.trip(Fault::Held);
+            self.is_hold_asked.store(false, Ordering::Release);
         }
         let (latched, present) = (controller.latched(), controller.is_cause_present());
         // Written only when it changes: the other core keeps its copy of the line.

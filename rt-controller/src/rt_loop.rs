@@ -100,12 +100,12 @@ impl<'a, P: Plant> RtLoop<'a, P> {
             self.swap_if_asked();
             match (&self.running, self.controller.latched()) {
                 (Some(_), _) => {}
-                // A held arm is watched: whether it may be re-armed is seen in its ticks.
-                (None, Some(_)) => std::thread::sleep(self.period),
-                (None, None) => {
+                (None, None) if !self.latch.is_hold_asked() => {
                     std::thread::sleep(IDLE_SLEEP);
                     continue;
                 }
+                // A held arm is watched: whether it may be re-armed is seen in its ticks.
+                (None, _) => std::thread::sleep(self.period),
             }
             self.cycle(Wake::UNPACED);
         }

@@ -33,6 +33,15 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
         }
     }
 
+    /// Asks the loop to hold the arm.
+    pub(crate) fn hold(&mut self) -> Result<(), Refusal> {
+        if self.setup.n_joints == 0 {
+            return Err(Refusal::NoArm);
+        }
+        self.setup.latch.hold();
+        Ok(())
+    }
+
     /// Asks the loop to re-arm.
     pub(crate) fn rearm(&mut self) -> Result<(), Refusal> {
         let Latched { fault, .. } = self.latched.ok_or(Refusal::NothingLatched)?;

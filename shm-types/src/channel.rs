@@ -209,7 +209,7 @@ pub(crate) fn commands(node: &Node<Ipc>, door: Door) -> Result<Commands, Channel
         .service_builder(&service_name(COMMAND)?)
         .request_response::<Command, Reply>()
         .max_servers(1)
-        .max_clients(8);
+        .max_clients(16);
     match door {
         Door::Create => builder
             .create_with_attributes(&written_schema(COMMAND)?)

@@ -25,6 +25,8 @@ pub const COMMAND_FORBID: u64 = 8;
 pub const COMMAND_ALLOW: u64 = 9;
 /// Ends the hold after a latched fault, if its cause is gone.
 pub const COMMAND_REARM: u64 = 10;
+/// Holds the arm where it is, until it is re-armed.
+pub const COMMAND_HOLD: u64 = 11;
 
 /// Values of [`Command::at`].
 pub const AT_NEXT_ROLLOUT: u64 = 0;
@@ -154,7 +156,7 @@ impl Command {
         if self.schema != SCHEMA {
             return Err(CommandError::Schema { found: self.schema });
         }
-        if !(COMMAND_STATUS..=COMMAND_REARM).contains(&self.kind) {
+        if !(COMMAND_STATUS..=COMMAND_HOLD).contains(&self.kind) {
             return Err(CommandError::Kind(self.kind));
         }
         if self.at > AT_NOW {

@@ -31,11 +31,14 @@ pub const FAULT_MEASUREMENT_NOT_FINITE: u64 = 1;
 pub const FAULT_MEASUREMENT_STALE: u64 = 10;
 pub const FAULT_MEASUREMENT_INCONSISTENT: u64 = 11;
 pub const FAULT_UNEXPECTED_FORCE: u64 = 12;
-pub const MACHINE_FAULTS: [u64; 4] = [
+/// A person's doing, which latches like a fault.
+pub const FAULT_HELD: u64 = 14;
+pub const MACHINE_FAULTS: [u64; 5] = [
     FAULT_MEASUREMENT_NOT_FINITE,
     FAULT_MEASUREMENT_STALE,
     FAULT_MEASUREMENT_INCONSISTENT,
     FAULT_UNEXPECTED_FORCE,
+    FAULT_HELD,
 ];
 
 /// Bits of [`OutcomeMsg::flags`].

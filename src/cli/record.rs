@@ -1,5 +1,6 @@
 //! `skillet record`, `skillet replay` and `skillet watch`: their flags.
 
+use std::net::SocketAddr;
 use std::num::NonZero;
 use std::path::PathBuf;
 
@@ -59,5 +60,27 @@ pub struct ReplayArgs {
     pub out: Option<PathBuf>,
     /// Print JSON
     #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Args)]
+#[command(after_help = "\
+Examples:
+  skillet watch --cell kitchen                loop, policies, rewards; keys to act
+  skillet watch --cell kitchen --json         one JSON object a second, for scripts
+  skillet watch --cell kitchen --serve        for Foxglove: open the connection ws://127.0.0.1:8765
+
+Whoever watches is lossy by design: a watcher that is slow or dies is noticed by nobody.")]
+pub struct WatchArgs {
+    #[command(flatten)]
+    pub cell: CellArgs,
+    /// Serve 3-D viewers over WebSocket, on a loopback address
+    #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = "127.0.0.1:8765")]
+    pub serve: Option<SocketAddr>,
+    /// Stop after so many seconds
+    #[arg(long)]
+    pub duration_s: Option<f64>,
+    /// Print one JSON object a second
+    #[arg(long, conflicts_with = "serve")]
     pub json: bool,
 }

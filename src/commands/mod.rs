@@ -16,3 +16,4 @@ pub mod report;
 pub mod soak;
 pub mod status;
 pub mod study;
+pub mod watch;

@@ -1,28 +1,43 @@
-//! `skillet rearm`: ends the hold after a machine fault.
+//! `skillet hold` and `skillet rearm`: the arm held where it is, and free again.
 
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::time::Duration;
 
 use anyhow::Result;
 use serde_json::json;
-use shm_types::command::{COMMAND_REARM, Command};
+use shm_types::command::{COMMAND_HOLD, COMMAND_REARM, Command};
 
 use crate::Verdict;
 use crate::cell::NamedCell;
-use crate::cli::RearmArgs;
+use crate::cli::{CellArgs, HoldArgs, RearmArgs};
 use crate::output::{print, print_json};
 
 const SOON: Duration = Duration::from_secs(5);
 
 pub fn run(args: &RearmArgs) -> Result<Verdict> {
-    let cell = NamedCell::of(&args.cell)?;
-    let id = RandomState::new().build_hasher().finish();
-    cell.request(&Command::new(COMMAND_REARM, id), SOON)?;
-    let name = cell.cell.name();
+    let name = request(&args.cell, COMMAND_REARM)?;
     if args.json {
         print_json(&json!({ "cell": name, "latched_fault": null }))?;
     } else {
         print(&format!("cell {name} is re-armed\n"))?;
     }
     Ok(Verdict::Done)
+}
+
+pub fn hold(args: &HoldArgs) -> Result<Verdict> {
+    let name = request(&args.cell, COMMAND_HOLD)?;
+    if args.json {
+        print_json(&json!({ "cell": name, "held": true }))?;
+    } else {
+        print(&format!("the arm of cell {name} is held until `skillet rearm --cell {name}`\n"))?;
+    }
+    Ok(Verdict::Done)
+}
+
+/// Has a command carried out; returns the name of the cell.
+fn request(cell: &CellArgs, kind: u64) -> Result<String> {
+    let named = NamedCell::of(cell)?;
+    let id = RandomState::new().build_hasher().finish();
+    named.request(&Command::new(kind, id), SOON)?;
+    Ok(named.cell.name().to_string())
 }

@@ -3,8 +3,8 @@
 //! Every file carries their schema. Numbers of a tick are rounded to a binary grid far below what
 //! any sensor resolves: random low bits are most of what a compressor cannot compress.
 
-use foxglove::Encode;
 use learner::modes::ModeReport;
+use prost_types::DescriptorProto;
 use shm_types::episode::{
     EpisodeHeader, FLAG_BLENDING, FLAG_IN_CONTACT, FLAG_NEAR_JOINT_LIMIT, FLAG_NEAR_SPEED_LIMIT,
     FLAG_RATE_LIMITED, FLAG_TORQUE_CLIPPED, OUTCOME_DROPPED, OUTCOME_EXPLOIT, OUTCOME_SUCCESS,
@@ -15,6 +15,7 @@ use shm_types::policy::PolicyMsg;
 use shm_types::telemetry::TelemetryTick;
 
 use super::loop_policy::LoopPolicy;
+use super::schema::recorded;
 
 /// Resolutions as negative powers of two: 2⁻¹⁵ rad (31 µrad), 2⁻⁹ rad/s, 2⁻⁶ N·m, 2⁻¹⁵ m and rad
 /// (31 µm), 2⁻¹³ of an attractor, 2⁻⁸ of an activation, 2⁻¹ s⁻².
@@ -31,129 +32,149 @@ const TICK_STEP_NS: u64 = 128;
 /// First phase in which a policy acts.
 const EXECUTE: u32 = 2;
 
-/// What one tick measured and commanded.
-#[derive(Encode)]
-pub struct Tick {
-    pub tick: u64,
-    /// 0 Idle, 1 Approach, 2 Execute, 3 Settle.
-    pub phase: u32,
-    pub fault: u32,
-    pub q_rad: Vec<f32>,
-    pub qd_rad_s: Vec<f32>,
-    pub tau_n_m: Vec<f32>,
-    /// Pose of the pan: x, y, z, pitch, roll, yaw, as many as are learnt.
-    pub pose_m_rad: Vec<f32>,
-    /// Σ hᵢ μᵢ, of the same coordinates.
-    pub attractor_m_rad: Vec<f32>,
-    /// hᵢ of the policy in the loop.
-    pub activations: Vec<f32>,
-    /// Σ hᵢ Kᵢ, packed lower triangle by rows of the learnt coordinates.
-    pub stiffness_per_s2: Vec<f32>,
-    /// The pancake, not in every tick of a live recording; orientation as w, i, j, k.
-    pub object_m: Vec<f32>,
-    pub object_quaternion: Vec<f32>,
-    pub in_contact: bool,
-    pub torque_clipped: bool,
-    pub rate_limited: bool,
-    pub near_joint_limit: bool,
-    pub near_speed_limit: bool,
-    pub blending: bool,
-    /// Wake-up after the deadline, and time in the tick itself; absent in what was not timed.
-    pub wakeup_us: Option<u32>,
-    pub tick_ns: Option<u32>,
-    pub deadlines_missed: u64,
-    /// Of the policy in the loop.
-    pub policy_digest: u64,
+recorded! {
+    /// What one tick measured and commanded.
+    pub struct Tick {
+        "1" [uint64] tick: u64,
+        /// 0 Idle, 1 Approach, 2 Execute, 3 Settle.
+        "2" [uint32] phase: u32,
+        "3" [uint32] fault: u32,
+        "4" [float, repeated] q_rad: Vec<f32>,
+        "5" [float, repeated] qd_rad_s: Vec<f32>,
+        "6" [float, repeated] tau_n_m: Vec<f32>,
+        /// Pose of the pan: x, y, z, pitch, roll, yaw, as many as are learnt.
+        "7" [float, repeated] pose_m_rad: Vec<f32>,
+        /// Σ hᵢ μᵢ, of the same coordinates.
+        "8" [float, repeated] attractor_m_rad: Vec<f32>,
+        /// hᵢ of the policy in the loop.
+        "9" [float, repeated] activations: Vec<f32>,
+        /// Σ hᵢ Kᵢ, packed lower triangle by rows of the learnt coordinates.
+        "10" [float, repeated] stiffness_per_s2: Vec<f32>,
+        /// The pancake, not in every tick of a live recording; orientation as w, i, j, k.
+        "11" [float, repeated] object_m: Vec<f32>,
+        "12" [float, repeated] object_quaternion: Vec<f32>,
+        "13" [bool] in_contact: bool,
+        "14" [bool] torque_clipped: bool,
+        "15" [bool] rate_limited: bool,
+        "16" [bool] near_joint_limit: bool,
+        "17" [bool] near_speed_limit: bool,
+        "18" [bool] blending: bool,
+        /// Wake-up after the deadline, and time in the tick itself; absent in what was not timed.
+        "19" [uint32, optional] wakeup_us: Option<u32>,
+        "20" [uint32, optional] tick_ns: Option<u32>,
+        "21" [uint64] deadlines_missed: u64,
+        /// Of the policy in the loop.
+        "22" [uint64] policy_digest: u64,
+    }
 }
 
-/// One spring of a policy.
-#[derive(Encode)]
-pub struct Spring {
-    /// Of its activation: s, or the decay's phase.
-    pub center: f64,
-    pub width: f64,
-    pub attractor_m_rad: Vec<f64>,
-    /// Packed lower triangle by rows.
-    pub stiffness_per_s2: Vec<f64>,
+recorded! {
+    /// One spring of a policy.
+    pub struct Spring {
+        /// Of its activation: s, or the decay's phase.
+        "1" [double] center: f64,
+        "2" [double] width: f64,
+        "3" [double, repeated] attractor_m_rad: Vec<f64>,
+        /// Packed lower triangle by rows.
+        "4" [double, repeated] stiffness_per_s2: Vec<f64>,
+    }
 }
 
-/// A policy that went into the loop.
-#[derive(Encode)]
-pub struct Policy {
-    pub digest: u64,
-    pub session: u64,
-    pub rollout: u64,
-    pub policy_id: u64,
-    pub task_dim: u32,
-    pub duration_s: f64,
-    pub decay_per_s: f64,
-    pub damping_per_s: f64,
-    pub springs: Vec<Spring>,
-    /// Of a task without arm.
-    pub action: Vec<f64>,
+recorded! {
+    /// A policy that went into the loop.
+    pub struct Policy {
+        "1" [uint64] digest: u64,
+        "2" [uint64] session: u64,
+        "3" [uint64] rollout: u64,
+        "4" [uint64] policy_id: u64,
+        "5" [uint32] task_dim: u32,
+        "6" [double] duration_s: f64,
+        "7" [double] decay_per_s: f64,
+        "8" [double] damping_per_s: f64,
+        "9" [message, repeated] springs: Vec<Spring>,
+        /// Of a task without arm.
+        "10" [double, repeated] action: Vec<f64>,
+    }
 }
 
-/// What the world measured in a rollout.
-#[derive(Encode)]
-pub struct Outcome {
-    pub session: u64,
-    pub rollout: u64,
-    pub policy_digest: u64,
-    pub applied_tick: u64,
-    pub n_records: u64,
-    pub fault: u64,
-    pub tossed: bool,
-    pub success: bool,
-    pub dropped: bool,
-    pub exploit: bool,
-    pub value: f64,
-    pub release_time_s: f64,
-    pub release_speed_m_s: f64,
-    pub release_spin_rad_s: f64,
-    pub apex_m: f64,
-    pub crossing_time_s: f64,
-    pub flip_angle_rad: f64,
-    pub distance_m: f64,
-    pub lateral_m: f64,
-    pub final_lateral_m: f64,
-    pub release_pitch_rate_rad_s: f64,
-    pub bounce_s: f64,
-    pub clipped_share: f64,
+recorded! {
+    /// What the world measured in a rollout.
+    pub struct Outcome {
+        "1" [uint64] session: u64,
+        "2" [uint64] rollout: u64,
+        "3" [uint64] policy_digest: u64,
+        "4" [uint64] applied_tick: u64,
+        "5" [uint64] n_records: u64,
+        "6" [uint64] fault: u64,
+        "7" [bool] tossed: bool,
+        "8" [bool] success: bool,
+        "9" [bool] dropped: bool,
+        "10" [bool] exploit: bool,
+        "11" [double] value: f64,
+        "12" [double] release_time_s: f64,
+        "13" [double] release_speed_m_s: f64,
+        "14" [double] release_spin_rad_s: f64,
+        "15" [double] apex_m: f64,
+        "16" [double] crossing_time_s: f64,
+        "17" [double] flip_angle_rad: f64,
+        "18" [double] distance_m: f64,
+        "19" [double] lateral_m: f64,
+        "20" [double] final_lateral_m: f64,
+        "21" [double] release_pitch_rate_rad_s: f64,
+        "22" [double] bounce_s: f64,
+        "23" [double] clipped_share: f64,
+    }
 }
 
-/// What was learnt from a rollout.
-#[derive(Encode)]
-pub struct Trial {
-    pub session: u64,
-    pub rollout: u64,
-    pub policy_digest: u64,
-    pub reward: f64,
-    pub success: bool,
-    pub set_aside: bool,
-    pub fault: u64,
+recorded! {
+    /// What was learnt from a rollout.
+    pub struct Trial {
+        "1" [uint64] session: u64,
+        "2" [uint64] rollout: u64,
+        "3" [uint64] policy_digest: u64,
+        "4" [double] reward: f64,
+        "5" [bool] success: bool,
+        "6" [bool] set_aside: bool,
+        "7" [uint64] fault: u64,
+    }
 }
 
-/// One mode of the search.
-#[derive(Encode)]
-pub struct Mode {
-    pub number: u32,
-    pub prior: f64,
-    pub n_trials: u64,
-    /// 0: it has none.
-    pub best_rollout: u64,
-    pub best_reward: f64,
-    pub tolerance: Option<f64>,
-    pub forbidden: bool,
-    /// In the scaled space of the search: mean, and covariance by columns; empty where only the
-    /// learner knows them.
-    pub mean: Vec<f64>,
-    pub covariance: Vec<f64>,
+recorded! {
+    /// One mode of the search.
+    pub struct Mode {
+        "1" [uint32] number: u32,
+        "2" [double] prior: f64,
+        "3" [uint64] n_trials: u64,
+        /// 0: it has none.
+        "4" [uint64] best_rollout: u64,
+        "5" [double] best_reward: f64,
+        "6" [double, optional] tolerance: Option<f64>,
+        "7" [bool] forbidden: bool,
+        /// In the scaled space of the search: mean, and covariance by columns; empty where only the
+        /// learner knows them.
+        "8" [double, repeated] mean: Vec<f64>,
+        "9" [double, repeated] covariance: Vec<f64>,
+    }
 }
 
-/// The mixture the search has found.
-#[derive(Encode)]
-pub struct Mixture {
-    pub modes: Vec<Mode>,
+recorded! {
+    /// The mixture the search has found.
+    pub struct Mixture {
+        "1" [message, repeated] modes: Vec<Mode>,
+    }
+}
+
+/// Of all of them.
+pub(super) fn descriptors() -> Vec<DescriptorProto> {
+    vec![
+        Tick::descriptor(),
+        Spring::descriptor(),
+        Policy::descriptor(),
+        Outcome::descriptor(),
+        Trial::descriptor(),
+        Mode::descriptor(),
+        Mixture::descriptor(),
+    ]
 }
 
 impl Tick {

@@ -7,6 +7,7 @@ mod loop_policy;
 pub mod messages;
 pub mod recorder;
 mod recover;
+mod schema;
 pub mod scribe;
 pub mod session;
 pub mod watcher;

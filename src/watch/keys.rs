@@ -1,0 +1,101 @@
+//! What the keys of the terminal view do: each is a command of the tool, on a thread of its own.
+
+use std::hash::{BuildHasher, Hasher, RandomState};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::time::Duration;
+
+use shm_types::cell::Cell;
+use shm_types::command::{
+    AT_NOW, COMMAND_ACTIVATE, COMMAND_HOLD, COMMAND_PIN, COMMAND_REARM, COMMAND_ROLLBACK,
+    COMMAND_UNPIN, Command,
+};
+use shm_types::ports::ToolPorts;
+
+const OPEN: Duration = Duration::from_secs(1);
+const TIMEOUT: Duration = Duration::from_secs(5);
+
+/// A command that a key stands for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Action {
+    /// The policy of this number in the cell's catalogue, into the running rollout.
+    Activate(u64),
+    Pin,
+    Unpin,
+    RollBack,
+    Hold,
+    Rearm,
+}
+
+impl Action {
+    fn command(self) -> Command {
+        let kind = match self {
+            Action::Activate(_) => COMMAND_ACTIVATE,
+            Action::Pin => COMMAND_PIN,
+            Action::Unpin => COMMAND_UNPIN,
+            Action::RollBack => COMMAND_ROLLBACK,
+            Action::Hold => COMMAND_HOLD,
+            Action::Rearm => COMMAND_REARM,
+        };
+        let command = Command::new(kind, RandomState::new().build_hasher().finish());
+        match self {
+            Action::Activate(policy_id) => Command { policy_id, at: AT_NOW, ..command },
+            Action::RollBack => Command { at: AT_NOW, ..command },
+            _ => command,
+        }
+    }
+
+    fn name(self) -> String {
+        match self {
+            Action::Activate(id) => format!("activate {id}"),
+            Action::Pin => "pin".into(),
+            Action::Unpin => "unpin".into(),
+            Action::RollBack => "roll back".into(),
+            Action::Hold => "hold".into(),
+            Action::Rearm => "re-arm".into(),
+        }
+    }
+}
+
+/// Sends actions and collects what came of them.
+pub struct Keys {
+    cell: Cell,
+    said: Sender<String>,
+    says: Receiver<String>,
+}
+
+impl Keys {
+    pub fn new(cell: &Cell) -> Keys {
+        let (said, says) = channel();
+        Keys { cell: cell.clone(), said, says }
+    }
+
+    pub fn send(&self, action: Action) {
+        let (cell, said) = (self.cell.clone(), self.said.clone());
+        std::thread::spawn(move || {
+            // Whoever has left does not need the answer.
+            let _ = said.send(carry_out(&cell, action));
+        });
+    }
+
+    /// What came of earlier actions.
+    pub fn answers(&self) -> impl Iterator<Item = String> {
+        self.says.try_iter()
+    }
+}
+
+fn carry_out(cell: &Cell, action: Action) -> String {
+    let name = action.name();
+    let ports = match ToolPorts::open(cell, OPEN) {
+        Ok(ports) => ports,
+        Err(error) => return format!("{name}: {error}"),
+    };
+    match ports.request(&action.command(), TIMEOUT) {
+        None => format!("{name}: no answer yet; see what is active above"),
+        Some(reply) if reply.accepted != 1 => format!("{name}: refused: {}", reply.reason_text()),
+        Some(reply) if reply.applied_tick > 0 => {
+            let (policy, tick) = (reply.policy.describe(), reply.applied_tick);
+            format!("{name}: policy {policy} applied at tick {tick}")
+        }
+        Some(_) => format!("{name}: done"),
+    }
+}

@@ -1,0 +1,210 @@
+//! A running cell, watched: what is known of it, shown in a terminal, as JSON, or to 3-D viewers.
+
+mod keys;
+pub mod lines;
+pub mod serve;
+pub mod terminal;
+mod view;
+
+use std::collections::VecDeque;
+use std::sync::mpsc::{Receiver, channel};
+use std::time::{Duration, Instant};
+
+use anyhow::Result;
+use hdrhistogram::Histogram;
+use shm_types::cell::Cell;
+use shm_types::command::Status;
+use shm_types::news::{ModeNews, TRIAL_SUCCESS, TrialNews};
+use shm_types::ports::ToolPorts;
+use shm_types::telemetry::TelemetryTick;
+
+use crate::cell::NamedCell;
+use crate::record::watcher::{Seen, Watcher};
+
+/// How long a controller is waited for.
+const OPEN: Duration = Duration::from_secs(2);
+/// Between two questions to the controller.
+const ASK: Duration = Duration::from_millis(500);
+const TIMEOUT: Duration = Duration::from_millis(300);
+/// Percentiles are of the last windows of this length.
+const WINDOW: Duration = Duration::from_secs(5);
+/// Trials and notes remembered.
+const TRIALS: usize = 1000;
+const NOTES: usize = 4;
+const MAX_NS: u64 = 1_000_000_000;
+
+/// One trial in the reward curve.
+#[derive(Clone, Copy)]
+pub struct Trial {
+    pub rollout: u64,
+    pub reward: f64,
+    pub success: bool,
+}
+
+/// Wake-up and tick times of a window.
+struct Times {
+    wakeup: Histogram<u64>,
+    tick: Histogram<u64>,
+}
+
+/// p50, p99 and maximum, µs.
+#[derive(Clone, Copy, Default)]
+pub struct Percentiles {
+    pub p50: f64,
+    pub p99: f64,
+    pub max: f64,
+}
+
+/// What a watcher knows.
+pub struct Model {
+    pub cell: String,
+    pub status: Option<Status>,
+    pub last: TelemetryTick,
+    pub trials: VecDeque<Trial>,
+    session: u64,
+    /// Rollouts the session is to have.
+    pub rollouts: u64,
+    pub modes: Vec<ModeNews>,
+    /// Newest last.
+    pub notes: VecDeque<String>,
+    pub is_there: bool,
+    current: Times,
+    shown: Option<(Percentiles, Percentiles)>,
+    window_began: Instant,
+}
+
+impl Times {
+    fn new() -> Times {
+        let histogram = || Histogram::new_with_bounds(1, MAX_NS, 3).expect("bounds are valid");
+        Times { wakeup: histogram(), tick: histogram() }
+    }
+}
+
+impl Model {
+    pub fn new(cell: &Cell) -> Model {
+        Model {
+            cell: cell.name().into(),
+            status: None,
+            last: TelemetryTick::ZERO,
+            trials: VecDeque::new(),
+            session: 0,
+            rollouts: 0,
+            modes: Vec::new(),
+            notes: VecDeque::new(),
+            is_there: true,
+            current: Times::new(),
+            shown: None,
+            window_began: Instant::now(),
+        }
+    }
+
+    pub fn take(&mut self, seen: &Seen) {
+        match seen {
+            Seen::Tick(tick, _) => self.take_tick(tick),
+            Seen::Trial(news) => self.take_trial(news),
+            Seen::ControllerGone => {
+                (self.is_there, self.status) = (false, None);
+                self.note("the controller has gone; waiting for one".into());
+            }
+            Seen::ControllerBack => {
+                self.is_there = true;
+                self.note("a controller is there again".into());
+            }
+            Seen::Policy(_) | Seen::Outcome(_) | Seen::Lost(_) => {}
+        }
+    }
+
+    pub fn note(&mut self, text: String) {
+        self.notes.push_back(text);
+        if self.notes.len() > NOTES {
+            self.notes.pop_front();
+        }
+    }
+
+    fn take_tick(&mut self, tick: &TelemetryTick) {
+        self.last = *tick;
+        self.current.wakeup.saturating_record(tick.wakeup_ns);
+        self.current.tick.saturating_record(tick.tick_ns);
+        if self.window_began.elapsed() >= WINDOW {
+            self.shown = Some(self.percentiles_of_window());
+            self.current = Times::new();
+            self.window_began = Instant::now();
+        }
+    }
+
+    fn take_trial(&mut self, news: &TrialNews) {
+        if news.session != self.session {
+            self.session = news.session;
+            self.trials.clear();
+            self.modes.clear();
+        }
+        self.rollouts = news.rollouts;
+        // What is told again, to a new controller's services, is known already.
+        if self.trials.back().is_none_or(|last| news.rollout > last.rollout) {
+            let success = news.has(TRIAL_SUCCESS);
+            self.trials.push_back(Trial { rollout: news.rollout, reward: news.reward, success });
+            if self.trials.len() > TRIALS {
+                self.trials.pop_front();
+            }
+        }
+        if let Some(modes) = news.validate().ok().filter(|modes| !modes.is_empty()) {
+            self.modes = modes.to_vec();
+        }
+    }
+
+    fn percentiles_of_window(&self) -> (Percentiles, Percentiles) {
+        let of = |histogram: &Histogram<u64>| {
+            let us = |ns: u64| ns as f64 * 1e-3;
+            Percentiles {
+                p50: us(histogram.value_at_quantile(0.5)),
+                p99: us(histogram.value_at_quantile(0.99)),
+                max: us(histogram.max()),
+            }
+        };
+        (of(&self.current.wakeup), of(&self.current.tick))
+    }
+
+    /// Wake-up and tick of the last complete window, or of the first one so far.
+    pub fn times(&self) -> (Percentiles, Percentiles) {
+        self.shown.unwrap_or_else(|| self.percentiles_of_window())
+    }
+
+    pub fn best(&self) -> Option<Trial> {
+        self.trials.iter().copied().reduce(|a, b| if b.reward > a.reward { b } else { a })
+    }
+
+    /// Share of successes among the last 20 trials.
+    pub fn success_last20(&self) -> f64 {
+        let late = self.trials.iter().rev().take(20);
+        let n_late = late.len().max(1) as f64;
+        late.filter(|trial| trial.success).count() as f64 / n_late
+    }
+}
+
+/// A watcher of the named cell, and its controller's answers to "how are you".
+pub fn open(named: &NamedCell) -> Result<(Watcher, Receiver<Status>)> {
+    let period = Duration::from_nanos(named.config().controller.period_ns());
+    let watcher = Watcher::open(&named.cell, period, OPEN)?;
+    Ok((watcher, ask(named.cell.clone())))
+}
+
+/// Asks again and again on a thread of its own, which ends with the receiver: a controller that does
+/// not answer must not stop the picture.
+fn ask(cell: Cell) -> Receiver<Status> {
+    let (sender, statuses) = channel();
+    std::thread::spawn(move || {
+        let mut ports: Option<ToolPorts> = None;
+        loop {
+            ports = ports.or_else(|| ToolPorts::open(&cell, TIMEOUT).ok());
+            let status = ports.as_ref().and_then(|ports| ports.status(TIMEOUT));
+            if status.is_none() {
+                ports = None;
+            }
+            if status.is_some_and(|status| sender.send(status).is_err()) {
+                return;
+            }
+            std::thread::sleep(ASK);
+        }
+    });
+    statuses
+}

@@ -1,0 +1,76 @@
+//! A watched cell for 3-D viewers: Foxglove's protocol over WebSocket, at most 50 times a second.
+
+use std::net::SocketAddr;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result, bail};
+
+use crate::cell::NamedCell;
+use crate::record;
+use crate::record::messages::Mixture;
+use crate::record::recorder::trial;
+use crate::record::scribe::Detail;
+use crate::record::watcher::{Seen, Watcher};
+
+/// 50 Hz, whatever the pace of the loop.
+const FRAME: Duration = Duration::from_millis(20);
+/// Bodies again, for viewers that came later.
+const BODIES: Duration = Duration::from_secs(1);
+
+pub fn run(
+    named: &NamedCell,
+    address: SocketAddr,
+    mut watcher: Watcher,
+    is_over: &dyn Fn() -> bool,
+) -> Result<()> {
+    if !address.ip().is_loopback() {
+        bail!(
+            "--serve {address}: only loopback addresses are served; for another machine use a tunnel, \
+             such as `ssh -L 8765:127.0.0.1:8765 HOST`"
+        );
+    }
+    let mut scribe = record::scribe(named.config())?;
+    let server = scribe
+        .context()
+        .websocket_server()
+        .name(format!("skillet {}", named.cell.name()))
+        .bind(address.ip().to_string(), address.port())
+        .start_blocking()
+        .with_context(|| format!("--serve {address}: cannot listen there; try another port"))?;
+    let port = server.port();
+    eprintln!("serving ws://{}:{port}; Ctrl-C ends it", address.ip());
+
+    let mut newest = None;
+    let mut drawn = Instant::now() - BODIES;
+    while !is_over() {
+        let frame = Instant::now();
+        while let Some(seen) = watcher.next()? {
+            match seen {
+                Seen::Tick(tick, at_ns) => newest = Some((tick, at_ns)),
+                Seen::Policy(policy) => scribe.policy(&policy),
+                Seen::Outcome(header) => scribe.outcome(&header),
+                Seen::Trial(news) => {
+                    scribe.trial(&trial(&news));
+                    if let Some(mixture) = Mixture::of_news(&news) {
+                        scribe.mixture(&mixture);
+                    }
+                }
+                Seen::ControllerGone => scribe.warn("the controller has gone".into()),
+                Seen::ControllerBack => scribe.warn("a controller is there again".into()),
+                // Most are left out on purpose.
+                Seen::Lost(_) => {}
+            }
+        }
+        if let Some((tick, at_ns)) = newest.take() {
+            let everything = Detail { object: true, frames: true, springs: true };
+            scribe.tick(&tick, at_ns, everything);
+        }
+        if drawn.elapsed() >= BODIES {
+            drawn = Instant::now();
+            scribe.bodies();
+        }
+        std::thread::sleep(FRAME.saturating_sub(frame.elapsed()));
+    }
+    server.stop().detach_all();
+    Ok(())
+}

@@ -1,0 +1,142 @@
+//! The terminal view: its loop, its keys and the line in which a number is typed.
+
+use std::sync::mpsc::Receiver;
+use std::time::{Duration, Instant};
+
+use anyhow::Result;
+use ratatui::crossterm::event::{self, Event, KeyCode, KeyEventKind};
+use shm_types::command::Status;
+
+use super::keys::{Action, Keys};
+use super::{Model, view};
+use crate::cell::NamedCell;
+use crate::record::watcher::{Watcher, pause};
+
+/// Between two pictures.
+const FRAME: Duration = Duration::from_millis(100);
+
+/// What the bottom line asks.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Prompt {
+    None,
+    /// Number of the policy to activate, as typed so far.
+    Number(String),
+    /// An action that wants a second key.
+    Sure(Action),
+}
+
+pub fn run(
+    named: &NamedCell,
+    mut model: Model,
+    mut watcher: Watcher,
+    statuses: &Receiver<Status>,
+    is_over: &dyn Fn() -> bool,
+) -> Result<()> {
+    let keys = Keys::new(&named.cell);
+    let mut prompt = Prompt::None;
+    // Restored when it is dropped, a panic included.
+    let mut terminal = ratatui::init();
+    let mut drawn: Option<Instant> = None;
+    let result = loop {
+        let round = Instant::now();
+        let turn = || -> Result<bool> {
+            while let Some(seen) = watcher.next()? {
+                model.take(&seen);
+            }
+            model.status = statuses.try_iter().last().or(model.status);
+            for answer in keys.answers() {
+                model.note(answer);
+            }
+            if drawn.is_none_or(|drawn| drawn.elapsed() >= FRAME) {
+                drawn = Some(Instant::now());
+                terminal.draw(|frame| view::draw(frame, &model, &watcher, &prompt))?;
+            }
+            let mut goes_on = true;
+            while goes_on && event::poll(Duration::ZERO)? {
+                if let Event::Key(key) = event::read()?
+                    && key.kind == KeyEventKind::Press
+                {
+                    goes_on = press(key.code, &mut prompt, &model, &keys);
+                }
+            }
+            Ok(goes_on)
+        };
+        match { turn }() {
+            Ok(true) if !is_over() => pause(round),
+            Ok(_) => break Ok(()),
+            Err(error) => break Err(error),
+        }
+    };
+    ratatui::restore();
+    result
+}
+
+/// Reacts to a key; false when it ends the view.
+fn press(key: KeyCode, prompt: &mut Prompt, model: &Model, keys: &Keys) -> bool {
+    let (next, action) = after(key, prompt, model.status.is_some_and(|s| s.pinned == 1));
+    if let Some(action) = action {
+        keys.send(action);
+    }
+    *prompt = next;
+    !(key == KeyCode::Char('q') && *prompt == Prompt::None)
+}
+
+/// The prompt after a key, and what is to be done.
+fn after(key: KeyCode, prompt: &Prompt, is_pinned: bool) -> (Prompt, Option<Action>) {
+    let nothing = (Prompt::None, None);
+    match (prompt, key) {
+        (_, KeyCode::Esc) => nothing,
+        (Prompt::Number(typed), KeyCode::Char(digit)) if digit.is_ascii_digit() => {
+            (Prompt::Number(format!("{typed}{digit}")), None)
+        }
+        (Prompt::Number(typed), KeyCode::Backspace) => {
+            (Prompt::Number(typed[..typed.len().saturating_sub(1)].into()), None)
+        }
+        (Prompt::Number(typed), KeyCode::Enter) => {
+            (Prompt::None, typed.parse().ok().map(Action::Activate))
+        }
+        (Prompt::Number(typed), _) => (Prompt::Number(typed.clone()), None),
+        (Prompt::Sure(action), KeyCode::Char('y')) => (Prompt::None, Some(*action)),
+        (Prompt::Sure(_), _) => nothing,
+        (Prompt::None, KeyCode::Char('a')) => (Prompt::Number(String::new()), None),
+        (Prompt::None, KeyCode::Char('p')) => {
+            (Prompt::None, Some(if is_pinned { Action::Unpin } else { Action::Pin }))
+        }
+        (Prompt::None, KeyCode::Char('r')) => (Prompt::Sure(Action::RollBack), None),
+        // The one that must not wait for a second key.
+        (Prompt::None, KeyCode::Char('h')) => (Prompt::None, Some(Action::Hold)),
+        (Prompt::None, KeyCode::Char('e')) => (Prompt::Sure(Action::Rearm), None),
+        (Prompt::None, _) => nothing,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn type_keys(keys: &[KeyCode], is_pinned: bool) -> (Prompt, Vec<Action>) {
+        let (mut prompt, mut actions) = (Prompt::None, Vec::new());
+        for key in keys {
+            let (next, action) = after(*key, &prompt, is_pinned);
+            actions.extend(action);
+            prompt = next;
+        }
+        (prompt, actions)
+    }
+
+    #[test]
+    fn keys_become_commands() {
+        let letter = |text: &str| text.chars().map(KeyCode::Char).collect::<Vec<_>>();
+        let with_enter = |text: &str| [letter(text), vec![KeyCode::Enter]].concat();
+        assert_eq!(type_keys(&with_enter("a12"), false).1, [Action::Activate(12)]);
+        assert_eq!(type_keys(&with_enter("a"), false), (Prompt::None, vec![]));
+        assert_eq!(type_keys(&letter("p"), false).1, [Action::Pin]);
+        assert_eq!(type_keys(&letter("p"), true).1, [Action::Unpin]);
+        assert_eq!(type_keys(&letter("ry"), false).1, [Action::RollBack]);
+        assert_eq!(type_keys(&letter("rn"), false).1, []);
+        assert_eq!(type_keys(&letter("h"), false).1, [Action::Hold], "at once");
+        let typed = [letter("a1"), vec![KeyCode::Backspace, KeyCode::Char('7'), KeyCode::Enter]];
+        assert_eq!(type_keys(&typed.concat(), false).1, [Action::Activate(7)]);
+        assert_eq!(type_keys(&[letter("a1"), vec![KeyCode::Esc]].concat(), false).0, Prompt::None);
+    }
+}

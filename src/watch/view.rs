@@ -1,0 +1,212 @@
+//! What the terminal shows.
+
+use ratatui::Frame;
+use ratatui::layout::{Constraint, Layout, Rect};
+use ratatui::style::{Color, Modifier, Style, Stylize};
+use ratatui::symbols::Marker;
+use ratatui::text::{Line, Span};
+use ratatui::widgets::{Axis, Block, Chart, Dataset, GraphType, Paragraph, Row, Table};
+use rt_controller::fault::Fault;
+use shm_types::command::Status;
+
+use super::terminal::Prompt;
+use super::{Model, Percentiles};
+use crate::health::{self, Health};
+use crate::record::watcher::Watcher;
+
+const PHASES: [&str; 4] = ["idle", "approach", "execute", "settle"];
+const MODE_COLUMNS: [Constraint; 5] = [
+    Constraint::Length(4),
+    Constraint::Length(7),
+    Constraint::Length(8),
+    Constraint::Length(14),
+    Constraint::Min(9),
+];
+
+pub fn draw(frame: &mut Frame, model: &Model, watcher: &Watcher, prompt: &Prompt) {
+    let modes = model.modes.len().max(1) as u16 + 3;
+    let notes = model.notes.len() as u16;
+    let rows = Layout::vertical([
+        Constraint::Length(7),
+        Constraint::Min(6),
+        Constraint::Length(modes.min(8)),
+        Constraint::Length(notes),
+        Constraint::Length(1),
+    ]);
+    let [top, curve, table, noted, bottom] = rows.areas(frame.area());
+    frame.render_widget(state(model, watcher), top);
+    reward(frame, model, curve);
+    frame.render_widget(modes_table(model), table);
+    let lines: Vec<Line> = model.notes.iter().map(|note| Line::from(note.as_str()).dim()).collect();
+    frame.render_widget(Paragraph::new(lines), noted);
+    frame.render_widget(Paragraph::new(bottom_line(prompt)), bottom);
+}
+
+fn bottom_line(prompt: &Prompt) -> Line<'static> {
+    match prompt {
+        Prompt::None => {
+            let keys = [
+                ("a", " activate  "),
+                ("p", " pin/unpin  "),
+                ("r", " roll back  "),
+                ("h", " hold  "),
+                ("e", " re-arm  "),
+                ("q", " quit"),
+            ];
+            Line::from(
+                keys.into_iter()
+                    .flat_map(|(key, what)| [key.bold(), what.into()])
+                    .collect::<Vec<Span>>(),
+            )
+        }
+        Prompt::Number(typed) => {
+            Line::from(format!("activate policy number: {typed}▏  Enter, Esc")).yellow()
+        }
+        Prompt::Sure(action) => Line::from(format!("{action:?}? y, or any other key")).yellow(),
+    }
+}
+
+fn state(model: &Model, watcher: &Watcher) -> Paragraph<'static> {
+    let title = Line::from(vec![" cell ".into(), model.cell.clone().bold(), " ".into()]);
+    let block = Block::bordered().title(title);
+    let lines = match &model.status {
+        Some(status) => known(model, watcher, status),
+        None if model.is_there => vec!["asking the controller …".into()],
+        None => vec!["no controller; waiting for one".yellow().into()],
+    };
+    Paragraph::new(lines).block(block)
+}
+
+fn known(model: &Model, watcher: &Watcher, status: &Status) -> Vec<Line<'static>> {
+    let (health, findings) = health::of(status);
+    let color = match health {
+        Health::Ok => Color::Green,
+        Health::Degraded => Color::Yellow,
+        Health::Bad => Color::Red,
+    };
+    let phase = PHASES.get(model.last.record.phase as usize).copied().unwrap_or("unknown");
+    let pace = match (status.realtime, status.privileged) {
+        (1, 1) => "real time, SCHED_FIFO",
+        (1, _) => "real time, no priority",
+        _ => "full speed",
+    };
+    let (wakeup, tick) = model.times();
+    let pinned = if status.pinned == 1 { " pinned" } else { "" };
+    let learner = match status.learner_age_ns {
+        u64::MAX => "never seen".to_string(),
+        age => format!("{:.1} s ago", age as f64 * 1e-9),
+    };
+    let fault = match status.latched_fault {
+        0 => Span::from("none"),
+        code => Fault::describe(code as u32).red().bold(),
+    };
+    vec![
+        Line::from(vec![
+            health.name().fg(color).bold(),
+            format!("  {pace}  tick {}  {phase}  ", model.last.record.tick).into(),
+            findings.join("; ").fg(color),
+        ]),
+        times_line(
+            "wake-up",
+            &wakeup,
+            status.realtime == 1,
+            &format!("  {} deadlines missed", model.last.missed),
+        ),
+        times_line("tick   ", &tick, true, &format!("  {} ticks not seen", watcher.lost)),
+        Line::from(format!(
+            "policy   in the loop {}  active {}{pinned}  last good {}",
+            status.in_loop.describe(),
+            status.active.describe(),
+            status.last_good.describe()
+        )),
+        Line::from(vec![
+            format!(
+                "learner  {learner}  spool {}{}  held: ",
+                status.spooled,
+                if status.spool_full == 1 { " (full)" } else { "" }
+            )
+            .into(),
+            fault,
+        ]),
+    ]
+}
+
+fn times_line(name: &str, times: &Percentiles, is_known: bool, more: &str) -> Line<'static> {
+    let Percentiles { p50, p99, max } = times;
+    Line::from(match is_known {
+        true => format!("{name}  p50 {p50:7.1}  p99 {p99:7.1}  max {max:8.1} µs{more}"),
+        false => format!("{name}  not by the wall clock{more}"),
+    })
+}
+
+fn reward(frame: &mut Frame, model: &Model, area: Rect) {
+    let point = |trial: &super::Trial| (trial.rollout as f64, trial.reward);
+    let all: Vec<_> = model.trials.iter().map(point).collect();
+    let caught: Vec<_> = model.trials.iter().filter(|trial| trial.success).map(point).collect();
+    let mut best_so_far = f64::NEG_INFINITY;
+    let best: Vec<_> = all
+        .iter()
+        .map(|(rollout, reward)| {
+            best_so_far = best_so_far.max(*reward);
+            (*rollout, best_so_far)
+        })
+        .collect();
+    let title = match model.best() {
+        Some(best) => format!(
+            " reward: best {:.3} at rollout {}, {:.0} % of the last 20 succeed, {} of {} ",
+            best.reward,
+            best.rollout,
+            100.0 * model.success_last20(),
+            model.trials.back().map_or(0, |trial| trial.rollout),
+            model.rollouts
+        ),
+        None => " reward: no trial yet ".into(),
+    };
+    let first = all.first().map_or(0.0, |(rollout, _)| *rollout);
+    let last = (model.rollouts as f64).max(first + 1.0);
+    let top = if best_so_far > 0.0 { 1.05 * best_so_far } else { 1.0 };
+    let dots = |name, data, color| {
+        let style = Style::default().fg(color);
+        Dataset::default().name(name).marker(Marker::Braille).style(style).data(data)
+    };
+    let sets = vec![
+        dots("trial", &all, Color::Gray).graph_type(GraphType::Scatter),
+        dots("success", &caught, Color::Green).graph_type(GraphType::Scatter),
+        dots("best", &best, Color::Cyan).graph_type(GraphType::Line),
+    ];
+    let labels = |low: f64, high: f64, digits| {
+        [low, 0.5 * (low + high), high].map(|value| format!("{value:.digits$}"))
+    };
+    let chart = Chart::new(sets)
+        .block(Block::bordered().title(title))
+        .x_axis(Axis::default().bounds([first, last]).labels(labels(first, last, 0)))
+        .y_axis(Axis::default().bounds([0.0, top]).labels(labels(0.0, top, 1)));
+    frame.render_widget(chart, area);
+}
+
+fn modes_table(model: &Model) -> Table<'static> {
+    let rows = model.modes.iter().enumerate().map(|(i, mode)| {
+        let best = match mode.best_rollout {
+            0 => "none".into(),
+            rollout => format!("{:.3} at {rollout}", mode.best_reward),
+        };
+        let tolerance = match mode.tolerance < 0.0 {
+            true => "unknown".into(),
+            false => format!("{:.3}", mode.tolerance),
+        };
+        let cells = [
+            format!("{}", i + 1),
+            format!("{:.0} %", 100.0 * mode.prior),
+            format!("{}", mode.n_trials),
+            best,
+            tolerance,
+        ];
+        let style = Style::default();
+        Row::new(cells).style(if mode.forbidden != 0 { style.fg(Color::Red) } else { style })
+    });
+    let header = Row::new(["mode", "share", "trials", "best", "tolerance"])
+        .style(Style::default().add_modifier(Modifier::BOLD));
+    Table::new(rows, MODE_COLUMNS)
+        .header(header)
+        .block(Block::bordered().title(" modes of the search "))
+}
