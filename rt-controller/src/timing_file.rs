@@ -88,6 +88,9 @@ impl TimingFile {
                 file.version, file.unit
             ));
         }
+        if file.loops.is_empty() {
+            return Err("it holds no loop".into());
+        }
         for (i, timing) in file.loops.iter().enumerate() {
             timing.check()?;
             if file.loops[..i].iter().any(|other| other.pace == timing.pace) {

@@ -106,7 +106,8 @@ struct Course {
 
 impl Course {
     fn of(frames: &[PathRow]) -> Course {
-        let [start_s, end_s] = [&frames[0], &frames[frames.len() - 1]].map(|row| f64::from(row.t_s));
+        let [start_s, end_s] =
+            [&frames[0], &frames[frames.len() - 1]].map(|row| f64::from(row.t_s));
         Course { start_s, duration_s: end_s - start_s }
     }
 
@@ -137,15 +138,14 @@ fn draw(data: &ReportData, path: &[PathRow], frames: &[PathRow]) -> Panel {
     let pancake = pancake_poses(&view, frames);
     let across = |t_s: f64| 8.0 + (width - 16.0) * (t_s - course.start_s) / course.duration_s;
     let line_y = height + 14.0;
-    let clock: Vec<Pose> = frames
-        .iter()
-        .map(|row| Pose { x: across(row.t_s.into()), y: line_y, turn: 0.0 })
-        .collect();
+    let clock: Vec<Pose> =
+        frames.iter().map(|row| Pose { x: across(row.t_s.into()), y: line_y, turn: 0.0 }).collect();
     let apex = (0..frames.len())
         .max_by(|a, b| frames[*a].object_position[2].total_cmp(&frames[*b].object_position[2]))
         .unwrap_or(0);
 
-    let alt = format!("animation of rollout {}: pan and pancake from the side", data.learnt_rollout);
+    let alt =
+        format!("animation of rollout {}: pan and pancake from the side", data.learnt_rollout);
     let mut panel = Panel::new(width, height + TIME_LINE, alt);
     panel.style(&rules(&course, frames, [&pan, &pancake, &clock], frames[apex].t_s.into()));
     // A view whose origin is that of the body: the body at rest, in px about its own frame.
@@ -171,7 +171,8 @@ fn draw(data: &ReportData, path: &[PathRow], frames: &[PathRow]) -> Panel {
     panel.line((8.0, line_y), (width - 8.0, line_y), "axis");
     let outcome = &data.learnt_outcome;
     let end_s = course.start_s + course.duration_s;
-    for (t_s, name) in [(outcome.release_time_s, "release"), (outcome.crossing_time_s, "crossing")] {
+    for (t_s, name) in [(outcome.release_time_s, "release"), (outcome.crossing_time_s, "crossing")]
+    {
         if t_s > course.start_s && t_s <= end_s {
             let x = across(t_s);
             panel.line((x, line_y - 5.0), (x, line_y + 5.0), "axis");
@@ -196,8 +197,11 @@ fn rules(course: &Course, frames: &[PathRow], poses: [&[Pose]; 3], apex_s: f64) 
     let mut css = String::new();
     for (name, poses) in ["pan-motion", "pancake-motion", "clock-motion"].into_iter().zip(poses) {
         css += &course.key_frames(name, frames, poses);
-        writeln!(css, "@media screen{{.{name}{{animation:{name} {duration:.2}s linear infinite}}}}")
-            .expect("a String takes all");
+        writeln!(
+            css,
+            "@media screen{{.{name}{{animation:{name} {duration:.2}s linear infinite}}}}"
+        )
+        .expect("a String takes all");
     }
     css + &format!(
         "@media (prefers-reduced-motion:reduce){{.moving{{animation-play-state:paused!important;\

@@ -58,7 +58,8 @@ impl Row {
     }
 
     fn html(&self) -> String {
-        let row = |class: &str, content: &str| format!("<div class=\"row{class}\">\n{content}</div>\n");
+        let row =
+            |class: &str, content: &str| format!("<div class=\"row{class}\">\n{content}</div>\n");
         let panels = || self.panels().0.iter().map(Panel::inline).collect::<String>();
         match self {
             Row::Wide { wide, narrow } => {

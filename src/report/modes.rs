@@ -121,7 +121,8 @@ pub fn draw_modes(plot: &mut Plot, modes: &[(Mode, &ModeRow)]) {
         plot.panel.text(baseline, Anchor::Middle, "number halo", &row.number.to_string());
     }
     for (_, row) in modes.iter().take(LISTED) {
-        let best = row.best.map_or(String::new(), |(_, r)| format!(", best reward {}", fixed(r, 2)));
+        let best =
+            row.best.map_or(String::new(), |(_, r)| format!(", best reward {}", fixed(r, 2)));
         let text = format!(
             "{}: share {:.0} %{best}{}",
             row.number,

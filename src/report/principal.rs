@@ -21,8 +21,7 @@ impl Principal {
         }
         let sum = thetas.iter().fold(DVector::zeros(dim), |sum, theta| sum + *theta);
         let mean: DVector<f64> = sum / thetas.len() as f64;
-        let deviations =
-            DMatrix::from_fn(thetas.len(), dim, |trial, i| thetas[trial][i] - mean[i]);
+        let deviations = DMatrix::from_fn(thetas.len(), dim, |trial, i| thetas[trial][i] - mean[i]);
         let svd = deviations.svd(false, true);
         let variances = svd.singular_values.map(|s| s * s);
         let total = variances.sum();
@@ -64,9 +63,7 @@ mod tests {
     /// Points that vary by 3 along (3, 4)/5, by 1 along (−4, 3)/5 of the first two coordinates.
     fn thetas() -> Vec<DVector<f64>> {
         [(3.0, 0.0), (-3.0, 0.0), (0.0, 1.0), (0.0, -1.0)]
-            .map(|(a, b)| {
-                DVector::from_vec(vec![1.0 + 0.6 * a - 0.8 * b, 0.8 * a + 0.6 * b, 7.0])
-            })
+            .map(|(a, b)| DVector::from_vec(vec![1.0 + 0.6 * a - 0.8 * b, 0.8 * a + 0.6 * b, 7.0]))
             .to_vec()
     }
 

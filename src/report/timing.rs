@@ -50,7 +50,8 @@ fn rows(what: &str, loops: &[&LoopTiming], bins: fn(&LoopTiming) -> &Bins) -> Ve
     };
     let distributions: Vec<Distribution> = loops.iter().map(distribution).collect();
     let lines: String = loops.iter().map(|timing| line(timing, bins(timing))).collect();
-    let head: String = SHARES.iter().map(|(_, name)| format!("<th scope=\"col\">{name}</th>")).collect();
+    let head: String =
+        SHARES.iter().map(|(_, name)| format!("<th scope=\"col\">{name}</th>")).collect();
     let table = format!(
         "<div class=\"scroll\">\n<table class=\"numbers\">\n<tr><th scope=\"col\">{what}, µs</th>\
          {head}<th scope=\"col\">max</th><th scope=\"col\">ticks</th>\
@@ -61,8 +62,10 @@ fn rows(what: &str, loops: &[&LoopTiming], bins: fn(&LoopTiming) -> &Bins) -> Ve
 
 fn line(timing: &LoopTiming, bins: &Bins) -> String {
     let us = |ns: u64| fixed(ns as f64 * 1e-3, 1);
-    let quantiles: String =
-        SHARES.iter().map(|(share, _)| format!("<td>{}</td>", us(quantile(bins, *share)))).collect();
+    let quantiles: String = SHARES
+        .iter()
+        .map(|(share, _)| format!("<td>{}</td>", us(quantile(bins, *share))))
+        .collect();
     let missed = match timing.pace {
         Pace::Realtime => timing.missed_deadlines.to_string(),
         Pace::Max => "–".into(),
@@ -98,14 +101,17 @@ mod tests {
     use super::*;
 
     fn timing(pace: Pace) -> LoopTiming {
-        let wakeup = if pace == Pace::Realtime { vec![(50_000, 99), (1_200_000, 1)] } else { vec![] };
+        let wakeup =
+            if pace == Pace::Realtime { vec![(50_000, 99), (1_200_000, 1)] } else { vec![] };
         LoopTiming { pace, ticks: 100, missed_deadlines: 1, wakeup, tick: vec![(1800, 100)] }
     }
 
     #[test]
     fn both_histograms_of_a_loop_in_real_time() {
         let [wakeup, tick] = figures(&Ok(vec![timing(Pace::Realtime)]));
-        assert!(wakeup.html(1).contains("<td>50.0</td><td>50.0</td><td>1200.0</td><td>1200.0</td>"));
+        assert!(
+            wakeup.html(1).contains("<td>50.0</td><td>50.0</td><td>1200.0</td><td>1200.0</td>")
+        );
         assert!(tick.html(2).contains("<td>1.8</td>") && tick.svg().is_some());
     }
 
