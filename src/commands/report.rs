@@ -46,7 +46,12 @@ pub fn write(folder: &SessionFolder, notes: &[(String, String)]) -> Result<PathB
     fs::create_dir_all(&dir)
         .with_context(|| format!("{}: cannot create the report folder", dir.display()))?;
     for (stem, svg) in report::figures(&data) {
-        write(&format!("{stem}.svg"), &svg)?;
+        let name = format!("{stem}.svg");
+        match svg {
+            Some(svg) => drop(write(&name, &svg)?),
+            // One of an earlier report would be taken for this one's.
+            None => drop(fs::remove_file(dir.join(name))),
+        }
     }
     write("index.html", &report::render(&data))
 }

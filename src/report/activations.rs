@@ -39,11 +39,11 @@ fn curves(policy: &PolicyMsg) -> Vec<Vec<(f64, f64)>> {
 
 fn draw(data: &ReportData, width: f64) -> Panel {
     let curves = curves(&data.learnt);
-    let x = Axis::exactly("time, s", [0.0, data.learnt.duration_s]);
+    let x_axis = Axis::exactly("time, s", [0.0, data.learnt.duration_s]);
     // Room at the top, for the numbers.
-    let y = Axis { label: "activation", min: 0.0, max: 1.15 };
+    let y_axis = Axis { label: "activation", min: 0.0, max: 1.15 };
     let alt = format!("activations of {} attractors over time", curves.len());
-    let mut plot = Plot::new((width, 220.0), &alt, x, y, &[]);
+    let mut plot = Plot::new((width, 220.0), &alt, x_axis, y_axis, &[]);
     mark_events(&mut plot, &data.learnt_outcome, ["", ""]);
     let n = curves.len();
     for (i, curve) in curves.into_iter().enumerate() {
@@ -51,6 +51,8 @@ fn draw(data: &ReportData, width: f64) -> Panel {
         plot.curve(curve, &format!("activation {}", colour(i, n)));
         if let Some((t_s, h)) = highest {
             let (x, y) = plot.at(t_s, h);
+            // Beside the axes, not on them.
+            let x = x.clamp(plot.at(x_axis.min, h).0 + 8.0, plot.at(x_axis.max, h).0 - 8.0);
             plot.panel.text((x, y - 6.0), Anchor::Middle, "tick halo", &(i + 1).to_string());
         }
     }

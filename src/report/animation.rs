@@ -12,14 +12,15 @@ use nalgebra::Vector3;
 
 use super::ReportData;
 use super::figure::{Figure, HALF, Row};
-use super::plot::fixed;
 use super::side_view::{View, draw_pan, draw_pancake, orientation};
 use super::strip::finite;
 use super::svg::{Anchor, Panel, short};
 
-/// Largest height of the view, px, and of the time line below it.
+/// Largest height of the view, px, and the height of the time line below it.
 const HEIGHT: f64 = 400.0;
-const TIME_LINE: f64 = 46.0;
+const TIME_LINE: f64 = 40.0;
+/// Width of the longest name on the time line, px.
+const NAME: f64 = 60.0;
 /// How many times slower than it was.
 const SLOWER: f64 = 3.0;
 /// Rest at the end, s of the animation.
@@ -170,19 +171,18 @@ fn draw(data: &ReportData, path: &[PathRow], frames: &[PathRow]) -> Panel {
     panel.polygon([(0.0, 0.0), (width, 0.0), (width, height), (0.0, height)], "frame");
     panel.line((8.0, line_y), (width - 8.0, line_y), "axis");
     let outcome = &data.learnt_outcome;
-    let end_s = course.start_s + course.duration_s;
     for (t_s, name) in [(outcome.release_time_s, "release"), (outcome.crossing_time_s, "crossing")]
     {
-        if t_s > course.start_s && t_s <= end_s {
+        if t_s > course.start_s && t_s <= course.start_s + course.duration_s {
             let x = across(t_s);
             panel.line((x, line_y - 5.0), (x, line_y + 5.0), "axis");
-            let anchor = if name == "release" { Anchor::End } else { Anchor::Start };
-            let shift = if name == "release" { 4.0 } else { -4.0 };
+            // Away from each other: they may be close.
+            let is_before = name == "release" || x + NAME > width;
+            let (anchor, shift) =
+                if is_before { (Anchor::End, 4.0) } else { (Anchor::Start, -4.0) };
             panel.text((x + shift, line_y + 19.0), anchor, "tick", name);
         }
     }
-    let end = format!("{} s", fixed(end_s, 1));
-    panel.text((width - 8.0, line_y + 19.0), Anchor::End, "tick", &end);
     panel.group("moving clock-motion", &clock[apex].attribute(), |panel| {
         panel.circle((0.0, 0.0), 5.0, "dot success");
     });

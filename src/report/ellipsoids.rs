@@ -12,8 +12,8 @@ use super::plot::{Axis, Entry, Key, Plot};
 use super::svg::{Anchor, Panel};
 
 /// Longest semi-axis, and least distance between two centres, px.
-const LONGEST: f64 = 44.0;
-const APART: f64 = 15.0;
+const LONGEST: f64 = 30.0;
+const APART: f64 = 19.0;
 /// Ellipses at most, and points of each.
 const AT_MOST: usize = 24;
 const POINTS: usize = 48;

@@ -100,7 +100,7 @@ impl Figure {
             Err(missing) => {
                 let missing = escape(missing);
                 return format!(
-                    "<section id=\"{stem}\">\n<h2>{title}</h2>\n\
+                    "<section id=\"{stem}\" class=\"half\">\n<h2>{title}</h2>\n\
                      <p class=\"missing\">Figure {number} is missing: {missing}</p>\n</section>\n"
                 );
             }

@@ -1,6 +1,6 @@
 //! Reward over the rollouts: the paper's Fig. 3, centre.
 
-use super::figure::{Figure, NARROW, Row};
+use super::figure::{Figure, HALF, Row};
 use super::plot::{Axis, Entry, Key, Plot};
 use super::svg::Panel;
 use super::{ReportData, TrialRow};
@@ -22,11 +22,14 @@ pub fn figure(data: &ReportData) -> Figure {
         Err("the session has no rollout yet.".to_owned())
     } else {
         let legend = if data.plane.is_some() { &PLAIN_LEGEND[..] } else { &LEGEND };
-        let mut rows = vec![Row::wide(|width| draw(&data.trials, legend, width))];
-        if data.plane.is_none() {
-            rows.push(Row::wide(|width| draw_successes(&data.trials, width)));
-        }
-        Ok(rows)
+        Ok(match data.plane {
+            // Beside the plane.
+            Some(_) => vec![Row::Half(draw(&data.trials, legend, HALF))],
+            None => vec![
+                Row::wide(|width| draw(&data.trials, legend, width)),
+                Row::wide(|width| draw_successes(&data.trials, width)),
+            ],
+        })
     };
     let caption = if data.plane.is_some() {
         "One point per rollout."
@@ -55,7 +58,7 @@ fn draw(trials: &[TrialRow], legend: &[Entry], width: f64) -> Panel {
         let name = format!("first caught flip: {}", first.rollout);
         plot.event(first.rollout as f64, 0, &name);
     }
-    let radius = if width > NARROW { 3.6 } else { 2.8 };
+    let radius = if width > HALF { 3.6 } else { 2.8 };
     for trial in trials {
         let class = if trial.success { "dot success" } else { "dot failure" };
         plot.dot(trial.rollout as f64, trial.reward, radius, class);
@@ -124,7 +127,7 @@ mod tests {
     #[test]
     fn draws_one_point_per_rollout() {
         let data = sample::session(40);
-        let svg = draw(&data.trials, &LEGEND, NARROW).inline();
+        let svg = draw(&data.trials, &LEGEND, HALF).inline();
         let points = svg.matches("dot success").count() + svg.matches("dot failure").count();
         assert_eq!(points, 40 + 2, "forty points and two in the legend");
     }

@@ -108,16 +108,19 @@ svg svg{overflow:hidden}
 .row{display:grid;gap:16px 20px;margin-top:14px}
 .frames{grid-template-columns:repeat(auto-fill,minmax(104px,1fr));gap:14px 8px}
 .thirds{grid-template-columns:repeat(auto-fit,minmax(min(100%,300px),1fr))}
+@media (min-width:1000px){.frames{grid-template-columns:repeat(8,1fr)}}
 .narrow{display:none}
 @media (max-width:860px){.narrow{display:block}.wide{display:none}}
 .half .drawing{min-width:0}
-@media (min-width:861px){.half figure,.half:not(.half+.half):not(:has(+.half)) figure{display:grid;
+@media (min-width:861px){.half figure{display:grid;
 grid-template-columns:minmax(0,500px) minmax(240px,1fr);gap:12px 40px;align-items:center}}
 @media (min-width:1240px){body{padding:40px 32px 64px}
 main{display:grid;grid-template-columns:repeat(2,minmax(0,1fr));gap:0 56px}
 section{grid-column:span 2}
 section.half{grid-column:span 1}.half figure{display:block}
-.half:not(.half+.half):not(:has(+.half)){grid-column:span 2}}
+.half:not(.half+.half):not(:has(+.half)){grid-column:span 2}
+.half:not(.half+.half):not(:has(+.half)) figure{display:grid;
+grid-template-columns:minmax(0,598px) minmax(240px,1fr)}}
 .player{justify-items:center}
 .player input{position:absolute;opacity:0;width:1px;height:1px}
 .player label{cursor:pointer;border:1px solid var(--axis);border-radius:6px;padding:2px 18px;
@@ -138,6 +141,7 @@ caption{text-align:left;font-weight:600;padding:6px 0}
 th,td{padding:4px 8px 4px 0;text-align:left;font-weight:400;border-top:1px solid var(--grid);
 vertical-align:top;overflow-wrap:anywhere}
 th{color:var(--muted)}
+.tables table{max-width:660px}
 .tables td{text-align:right;padding-right:0}
 details{margin-top:18px;border-top:1px solid var(--grid);padding-top:12px}
 summary{cursor:pointer;font-weight:600}

@@ -36,7 +36,8 @@ pub fn figures(loops: &Result<Vec<LoopTiming>, String>) -> [Figure; 2] {
             stem: "tick",
             title: "Duration of a tick",
             caption: "From the measurement to the torque, without the simulation; both axes \
-                      logarithmic. All runs of the session whose controller ended in order."
+                      logarithmic. All runs of the session whose controller ended in order; at full \
+                      speed a part of the ticks, as the loop does not wait for who counts them."
                 .into(),
             rows: tick,
         },
