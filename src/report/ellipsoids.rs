@@ -57,11 +57,11 @@ fn place(row: &PathRow) -> (f64, f64) {
 }
 
 /// Rows during the execution whose places on the drawing are apart from those before.
-fn moments<'a>(
-    path: &'a [PathRow],
+fn moments(
+    path: &[PathRow],
     duration_s: f64,
     at: impl Fn(&PathRow) -> (f64, f64),
-) -> Vec<&'a PathRow> {
+) -> Vec<&PathRow> {
     let executed = path.iter().filter(|row| f64::from(row.t_s) <= duration_s);
     let mut moments: Vec<&PathRow> = Vec::new();
     for row in executed {
