@@ -67,7 +67,13 @@ pub fn rows(store: &Store, prefer: Prefer) -> Result<Vec<ModeRow>> {
     }
     let trials = store.trials()?;
     let told: Vec<_> = trials.iter().filter(|t| !t.set_aside).map(TrialRecord::trial).collect();
-    let reports = assess(&modes, &told, &store.forbidden()?);
+    let forbidden = store.forbidden()?;
+    let thetas = told.iter().map(|trial| &trial.theta).chain(&forbidden);
+    let mut dims = modes.iter().map(|mode| &mode.mean).chain(thetas).map(|theta| theta.len());
+    if dims.next().is_some_and(|dim| dims.any(|other| other != dim)) {
+        bail!("its modes and its trials do not have the same parameters: the database is damaged");
+    }
+    let reports = assess(&modes, &told, &forbidden);
     let answer = choose(&reports, prefer).map(|report| report.number);
     let row = |report: ModeReport| ModeRow {
         is_answer: answer == Some(report.number),
