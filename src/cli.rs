@@ -188,6 +188,9 @@ pub struct ControllerArgs {
     /// Keep nothing on disk: the cell will not outlive this process
     #[arg(long, hide = true)]
     pub private: bool,
+    /// File to which the loop's timing is added at the end
+    #[arg(long, hide = true)]
+    pub timing: Option<PathBuf>,
     /// End when the process that started this one ends
     #[arg(long, hide = true, value_name = "PID")]
     pub child: Option<u32>,

@@ -13,6 +13,7 @@ const CONFIG: &str = "session.toml";
 const DATABASE: &str = "session.db";
 const DEMONSTRATION: &str = "demonstration.csv";
 const ARM: &str = "arm.urdf";
+const TIMING: &str = "timing.json";
 const LOCK: &str = "session.lock";
 
 #[derive(Clone, Debug)]
@@ -81,6 +82,11 @@ impl SessionFolder {
 
     pub fn log(&self, process: &str) -> PathBuf {
         self.dir.join(format!("{process}.log"))
+    }
+
+    /// How the controller's loop kept its time.
+    pub fn timing(&self) -> PathBuf {
+        self.dir.join(TIMING)
     }
 
     pub fn report_dir(&self) -> PathBuf {

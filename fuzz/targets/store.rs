@@ -116,6 +116,7 @@ fuzz_target!(|data: &[u8]| {
     }
     if let Ok(store) = Store::open(&path) {
         let _ = (store.trials(), store.searches(), store.events(), store.pending_proposal());
+        let _ = store.modes();
         let _ = (store.trial_count(), store.durable_rollout(), store.initial_policy());
         for id in 0..4 {
             let _ = (store.path(id), store.policy(id));

@@ -219,6 +219,7 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
             deadline_misses: self.report.stats.missed,
             wakeup: self.report.stats.wakeup(),
             tick: self.report.stats.tick(),
+            timing: self.report.stats.timing(self.setup.pace),
         }
     }
 

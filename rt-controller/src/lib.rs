@@ -46,6 +46,7 @@ mod swap;
 pub mod task;
 pub mod tick;
 mod timing;
+pub mod timing_file;
 mod watchdog;
 pub mod wrench;
 

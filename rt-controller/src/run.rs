@@ -24,6 +24,7 @@ use crate::serve::serve;
 use crate::state_file::StateError;
 use crate::tick::Controller;
 use crate::timing::Percentiles;
+use crate::timing_file::LoopTiming;
 
 /// Ticks by which a host is asked whether it can hold the period, and the share of it that they may
 /// take.
@@ -51,7 +52,7 @@ pub enum RunError {
 }
 
 /// What a controller did until it was stopped.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct RunSummary {
     /// That a learner asked for.
     pub rollouts: u64,
@@ -62,6 +63,7 @@ pub struct RunSummary {
     /// Only meaningful when paced by the wall clock.
     pub wakeup: Percentiles,
     pub tick: Percentiles,
+    pub timing: LoopTiming,
 }
 
 /// What a controller drives, and how.

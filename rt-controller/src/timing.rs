@@ -3,6 +3,9 @@
 use hdrhistogram::Histogram;
 use shm_types::telemetry::TelemetryTick;
 
+use crate::config::Pace;
+use crate::timing_file::{Bins, LoopTiming};
+
 /// What takes longer is counted as this long.
 const MAX_NS: u64 = 10_000_000_000;
 
@@ -42,6 +45,17 @@ impl LoopStats {
     pub fn tick(&self) -> Percentiles {
         percentiles(&self.tick)
     }
+
+    /// Everything, to a hundredth, for the record.
+    pub fn timing(&self, pace: Pace) -> LoopTiming {
+        LoopTiming {
+            pace,
+            ticks: self.ticks,
+            missed_deadlines: self.missed,
+            wakeup: if pace == Pace::Realtime { bins(&self.wakeup) } else { Bins::new() },
+            tick: bins(&self.tick),
+        }
+    }
 }
 
 fn percentiles(histogram: &Histogram<u64>) -> Percentiles {
@@ -50,6 +64,12 @@ fn percentiles(histogram: &Histogram<u64>) -> Percentiles {
         p99: histogram.value_at_quantile(0.99),
         max: histogram.max(),
     }
+}
+
+fn bins(histogram: &Histogram<u64>) -> Bins {
+    let mut coarse = Histogram::new_with_bounds(1, MAX_NS, 2).expect("bounds are valid");
+    coarse.add(histogram).expect("the bounds are the same");
+    coarse.iter_recorded().map(|bin| (bin.value_iterated_to(), bin.count_at_value())).collect()
 }
 
 #[cfg(test)]
@@ -68,5 +88,15 @@ mod tests {
         assert!(near(wakeup.p50, 5e5) && near(wakeup.p99, 9.9e5) && near(wakeup.max, 1e6));
         assert!(near(stats.tick().max, 5000.0));
         assert_eq!((stats.ticks, stats.missed), (1000, 3));
+
+        let timing = stats.timing(Pace::Realtime);
+        let within = |limit: u64| {
+            let below = timing.wakeup.iter().filter(|(upper, _)| *upper <= limit);
+            below.map(|(_, count)| count).sum::<u64>()
+        };
+        assert_eq!(within(u64::MAX), 1000);
+        assert!((490..=500).contains(&within(500_000)), "{}", within(500_000));
+        assert_eq!(timing.tick.len(), 1);
+        assert!(stats.timing(Pace::Max).wakeup.is_empty(), "nothing is waited for");
     }
 }

@@ -8,7 +8,6 @@ use crate::report::svg::escape;
 
 const RULES: &str = "\
 .halves{grid-template-columns:repeat(auto-fit,minmax(min(100%,430px),1fr));gap:28px 24px}
-.numbers{white-space:nowrap}
 .numbers th:nth-child(n+4),.numbers td:nth-child(n+4){text-align:right;padding-left:14px}
 .host th{width:9em}
 ";

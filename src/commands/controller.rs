@@ -8,6 +8,7 @@ use physics::action::Landscape;
 use physics::outcome::OutcomeConfig;
 use physics::pancake::PancakePlant;
 use rt_controller::run::Controlled;
+use rt_controller::timing_file::TimingFile;
 use rt_controller::{Pace, RunSummary};
 use shm_types::cell::Cell;
 
@@ -38,6 +39,11 @@ pub fn run(args: &ControllerArgs) -> Result<Verdict> {
         "skittles" => rt_controller::run_action(&cell, &config.task.skittles(), state, &stop)?,
         _ => run_arm(&cell, &config, args.pace.into(), state, &stop)?,
     };
+    if let Some(path) = args.timing.as_deref().filter(|_| summary.ticks > 0)
+        && let Err(error) = TimingFile::add(path, summary.timing)
+    {
+        tracing::warn!("{}: {error}; the timing of this run is not kept", path.display());
+    }
     tracing::info!(
         rollouts = summary.rollouts,
         policies_refused = summary.policies_refused,

@@ -121,10 +121,11 @@ fn run_services(
     let config_path = folder.config_path();
     let parent = std::process::id().to_string();
     let common = ["--child", &parent, "--cell", cell.name()].map(OsStr::new);
-    let pace = OsStr::new(args.pace.name());
+    let (pace, timing) = (OsStr::new(args.pace.name()), folder.timing());
     let controller_args = [
         &[OsStr::new("controller"), OsStr::new("--config"), config_path.as_os_str()][..],
         &[OsStr::new("--private"), OsStr::new("--pace"), pace],
+        &[OsStr::new("--timing"), timing.as_os_str()],
         &common,
     ]
     .concat();

@@ -4,7 +4,8 @@ use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 use learner::Learner;
-use learner::modes::{ModeReport, Prefer, choose};
+use learner::modes::{ModeReport, Prefer, assess, choose};
+use learner::store::{Store, TrialRecord};
 use serde_json::json;
 use shm_types::policy::PolicyMsg;
 
@@ -58,18 +59,32 @@ pub fn summary(session: &Path) -> Result<Vec<serde_json::Value>> {
     Ok(found.modes.iter().map(|mode| row(mode, answer)).collect())
 }
 
-/// The modes of a session, for its report.
-pub fn rows(session: &Path) -> Result<Vec<ModeRow>> {
-    let found = Found::open(session, None)?;
-    let answer = found.answer();
-    let row = |(report, _): (ModeReport, PolicyMsg)| ModeRow {
-        remark: remark(&report, answer),
+/// The modes that a session holds, for its report: also while its learner is at work.
+pub fn rows(store: &Store, prefer: Prefer) -> Result<Vec<ModeRow>> {
+    let modes = store.modes()?;
+    if modes.is_empty() {
+        return Ok(Vec::new());
+    }
+    let trials = store.trials()?;
+    let told: Vec<_> = trials.iter().filter(|t| !t.set_aside).map(TrialRecord::trial).collect();
+    let forbidden = store.forbidden()?;
+    let thetas = told.iter().map(|trial| &trial.theta).chain(&forbidden);
+    let mut dims = modes.iter().map(|mode| &mode.mean).chain(thetas).map(|theta| theta.len());
+    if dims.next().is_some_and(|dim| dims.any(|other| other != dim)) {
+        bail!("its modes and its trials do not have the same parameters: the database is damaged");
+    }
+    let reports = assess(&modes, &told, &forbidden);
+    let answer = choose(&reports, prefer).map(|report| report.number);
+    let row = |report: ModeReport| ModeRow {
+        is_answer: answer == Some(report.number),
         number: report.number,
+        n_trials: report.n_trials,
         best: report.best,
         tolerance: report.tolerance,
+        forbidden: report.forbidden,
         mode: report.mode,
     };
-    Ok(found.modes.into_iter().map(row).collect())
+    Ok(reports.into_iter().map(row).collect())
 }
 
 fn remark(report: &ModeReport, answer: Option<usize>) -> &'static str {

@@ -9,6 +9,7 @@ use learner::summary::Summary;
 use nalgebra::Vector2;
 use physics::action::ActionWorld;
 use physics::{landscape, skittles};
+use rt_controller::timing_file::{LoopTiming, TimingFile};
 use serde_json::json;
 use shm_types::episode::OutcomeMsg;
 
@@ -34,8 +35,7 @@ pub fn run(args: &ReportArgs) -> Result<Verdict> {
 
 /// Writes `report/index.html` and the figures beside it; returns the page.
 pub fn write(folder: &SessionFolder, notes: &[(String, String)]) -> Result<PathBuf> {
-    let mut data = gather(folder, notes)?;
-    data.plane = plane(folder)?;
+    let data = gather(folder, notes)?;
     let dir = folder.report_dir();
     let write = |name: &str, text: &str| -> Result<PathBuf> {
         let path = dir.join(name);
@@ -46,12 +46,18 @@ pub fn write(folder: &SessionFolder, notes: &[(String, String)]) -> Result<PathB
     fs::create_dir_all(&dir)
         .with_context(|| format!("{}: cannot create the report folder", dir.display()))?;
     for (stem, svg) in report::figures(&data) {
-        write(&format!("{stem}.svg"), &svg)?;
+        let name = format!("{stem}.svg");
+        match svg {
+            Some(svg) => drop(write(&name, &svg)?),
+            // One of an earlier report would be taken for this one's.
+            None => drop(fs::remove_file(dir.join(name))),
+        }
     }
     write("index.html", &report::render(&data))
 }
 
 fn gather(folder: &SessionFolder, notes: &[(String, String)]) -> Result<ReportData> {
+    let config = Config::load(Some(&folder.config_path()))?;
     let store = open(folder.dir(), &folder.database())?;
     let trials = store.trials()?;
     let initial = store.initial_policy()?;
@@ -74,11 +80,14 @@ fn gather(folder: &SessionFolder, notes: &[(String, String)]) -> Result<ReportDa
         learnt_path: store.path(learnt_rollout)?.unwrap_or_default(),
         learnt_outcome: outcome_of(learnt_rollout).unwrap_or(OutcomeMsg::ZERO),
         notes: notes.to_vec(),
-        plane: None,
+        modes: modes::rows(&store, config.learner.prefer)?,
+        timing: timing(&folder.timing()),
+        plane: plane(&config),
         trials: trials
             .iter()
             .map(|trial| TrialRow {
                 rollout: trial.rollout,
+                theta: trial.theta.clone(),
                 reward: trial.reward,
                 success: trial.success(),
                 outcome: trial.outcome,
@@ -88,9 +97,26 @@ fn gather(folder: &SessionFolder, notes: &[(String, String)]) -> Result<ReportDa
     })
 }
 
+/// How the loop kept its time; what is wrong with the file is no reason to have no report.
+fn timing(path: &Path) -> Result<Vec<LoopTiming>, String> {
+    match TimingFile::read(path) {
+        Ok(Some(file)) => Ok(file.loops().to_vec()),
+        Ok(None) => Err(format!(
+            "the session holds no {}: no controller of it has ended in order yet.",
+            name_of(path)
+        )),
+        Err(error) => {
+            Err(format!("{}: {error}; delete it, and later runs are counted.", name_of(path)))
+        }
+    }
+}
+
+fn name_of(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
 /// What a task without an arm shows.
-fn plane(folder: &SessionFolder) -> Result<Option<Plane>> {
-    let config = Config::load(Some(&folder.config_path()))?;
+fn plane(config: &Config) -> Option<Plane> {
     let axis = |label, min, max| Axis { label, min, max };
     let (x, y, reward, max): (_, _, Reward, _) = match config.task.name.as_str() {
         "landscape" => {
@@ -108,11 +134,9 @@ fn plane(folder: &SessionFolder) -> Result<Option<Plane>> {
             let (x, y) = (axis("α rad", min[0], max[0]), axis("α̇ rad/s", min[1], max[1]));
             (x, y, Box::new(of), 1.0)
         }
-        _ => return Ok(None),
+        _ => return None,
     };
-    let store = open(folder.dir(), &folder.database())?;
-    let trials = store.trials()?.iter().map(|trial| [trial.theta[0], trial.theta[1]]).collect();
-    Ok(Some(Plane { x, y, reward, max, trials, modes: modes::rows(folder.dir())? }))
+    Some(Plane { x, y, reward, max })
 }
 
 /// The rollout shown as "learnt": the best caught flip, or the best reward when there is none.

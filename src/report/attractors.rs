@@ -12,15 +12,15 @@ use super::stiffness::times;
 use super::svg::{Anchor, Panel};
 
 /// Indices of the forward and the vertical coordinate.
-const X: usize = 0;
-const Z: usize = 2;
+pub const X: usize = 0;
+pub const Z: usize = 2;
 /// A spring of this stiffness in every direction has an ellipse of this radius.
 const REFERENCE_STIFFNESS: f64 = 200.0;
 const REFERENCE_RADIUS_M: f64 = 0.02;
 /// Classes that colour the attractors in order.
 const N_COLOURS: usize = 8;
 /// Largest area between the axes, px.
-const AREA: (f64, f64) = (440.0, 470.0);
+const AREA: (f64, f64) = (384.0, 420.0);
 
 const LEGEND: [Entry; 5] = [
     (Key::Line, "learnt", "path of the pan"),
@@ -34,7 +34,7 @@ pub fn figure(data: &ReportData) -> Figure {
     let rows = if data.learnt.components().is_empty() {
         Err("the session has no learnt policy.".to_owned())
     } else {
-        Ok(vec![Row::Beside(draw(data))])
+        Ok(vec![Row::Half(draw(data))])
     };
     let mut missing = String::new();
     for (path, name) in [(&data.learnt_path, "learnt"), (&data.initial_path, "initial")] {
@@ -100,7 +100,7 @@ fn position(coordinates: &[f64]) -> (f64, f64) {
 }
 
 /// Class of the i-th of n attractors.
-fn colour(i: usize, n: usize) -> String {
+pub fn colour(i: usize, n: usize) -> String {
     let last = n.saturating_sub(1).max(1);
     format!("o{}", (i * (N_COLOURS - 1) + last / 2) / last)
 }
@@ -120,7 +120,7 @@ fn attractor_path(policy: &PolicyMsg) -> Vec<(f64, f64)> {
 
 /// Both axes with a margin, the shorter one widened towards the longer; and the area, px,
 /// that gives them the same scale.
-fn equal_scale(x: Axis, z: Axis) -> (Axis, Axis, (f64, f64)) {
+pub fn equal_scale(x: Axis, z: Axis) -> (Axis, Axis, (f64, f64)) {
     let longer = (x.max - x.min).max(z.max - z.min).max(0.05);
     let widened = |axis: Axis, share: f64| {
         let half = 0.5 * ((axis.max - axis.min) + 0.16 * longer).max(share * longer);
@@ -159,7 +159,7 @@ fn ellipse(component: &Component) -> Vec<Vector2<f64>> {
 
 /// A place for the number of each point: of eight directions the one farthest from all points and
 /// from the numbers placed before.
-fn label_places(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
+pub fn label_places(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     let mut places: Vec<(f64, f64)> = Vec::with_capacity(points.len());
     for (i, (x, y)) in points.iter().enumerate() {
         let others = points.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, point)| point);

@@ -6,8 +6,13 @@ use super::svg::{Anchor, Panel, escape};
 /// Width of a figure on a wide page, and of its panels, px.
 pub const WIDE: f64 = 1000.0;
 pub const NARROW: f64 = 400.0;
+pub const HALF: f64 = 440.0;
 pub const THIRD: f64 = 320.0;
 pub const FRAME: f64 = 118.0;
+
+/// Stops what moves, and where motion is not wanted starts it; the stylesheet does the rest.
+const SWITCH: &str = "<input type=\"checkbox\" id=\"switch\">\n<label for=\"switch\">\
+    <span class=\"stop\">Pause</span><span class=\"start\">Play</span></label>\n";
 
 /// Panels side by side; on a narrow page they wrap.
 pub enum Row {
@@ -17,8 +22,12 @@ pub enum Row {
     Thirds(Vec<Panel>),
     /// A film strip, eight in a row.
     Frames(Vec<Panel>),
-    /// One panel, the caption beside it where there is room.
-    Beside(Panel),
+    /// One panel in a column of its own, beside the caption or another such figure.
+    Half(Panel),
+    /// The same, of a panel that moves: with a switch to stop it.
+    Moving(Panel),
+    /// HTML below the drawings: a table of the numbers in them.
+    Numbers(String),
 }
 
 pub struct Figure {
@@ -43,25 +52,25 @@ impl Row {
             Row::Wide { wide, .. } => (std::slice::from_ref(wide), 0.0),
             Row::Thirds(panels) => (panels, 20.0),
             Row::Frames(panels) => (panels, 8.0),
-            Row::Beside(panel) => (std::slice::from_ref(panel), 0.0),
+            Row::Half(panel) | Row::Moving(panel) => (std::slice::from_ref(panel), 0.0),
+            Row::Numbers(_) => (&[], 0.0),
         }
     }
 
     fn html(&self) -> String {
-        if let Row::Wide { wide, narrow } = self {
-            return format!(
-                "<div class=\"row wide\">\n{}</div>\n<div class=\"row narrow\">\n{}</div>\n",
-                wide.inline(),
-                narrow.inline()
-            );
+        let row =
+            |class: &str, content: &str| format!("<div class=\"row{class}\">\n{content}</div>\n");
+        let panels = || self.panels().0.iter().map(Panel::inline).collect::<String>();
+        match self {
+            Row::Wide { wide, narrow } => {
+                row(" wide", &wide.inline()) + &row(" narrow", &narrow.inline())
+            }
+            Row::Thirds(_) => row(" thirds", &panels()),
+            Row::Frames(_) => row(" frames", &panels()),
+            Row::Half(_) => row("", &panels()),
+            Row::Moving(_) => row(" player", &(SWITCH.to_owned() + &panels())),
+            Row::Numbers(table) => table.clone(),
         }
-        let class = match self {
-            Row::Thirds(_) => " thirds",
-            Row::Frames(_) => " frames",
-            Row::Wide { .. } | Row::Beside(_) => "",
-        };
-        let panels: String = self.panels().0.iter().map(Panel::inline).collect();
-        format!("<div class=\"row{class}\">\n{panels}</div>\n")
     }
 
     /// Places the panels from `top` downwards; returns the drawing and where it ends.
@@ -91,15 +100,16 @@ impl Figure {
             Err(missing) => {
                 let missing = escape(missing);
                 return format!(
-                    "<section id=\"{stem}\">\n<h2>{title}</h2>\n\
+                    "<section id=\"{stem}\" class=\"half\">\n<h2>{title}</h2>\n\
                      <p class=\"missing\">Figure {number} is missing: {missing}</p>\n</section>\n"
                 );
             }
         };
-        let beside = self.rows.iter().flatten().any(|row| matches!(row, Row::Beside(_)));
-        let class = if beside { " class=\"beside\"" } else { "" };
+        let is_half = |row: &Row| matches!(row, Row::Half(_) | Row::Moving(_));
+        let class = if self.rows.iter().flatten().any(is_half) { " class=\"half\"" } else { "" };
         format!(
-            "<section id=\"{stem}\">\n<h2>{title}</h2>\n<figure{class}>\n{drawing}\
+            "<section id=\"{stem}\"{class}>\n<h2>{title}</h2>\n<figure>\n\
+             <div class=\"drawing\">\n{drawing}</div>\n\
              <figcaption><b>Figure {number}.</b> {caption}</figcaption>\n</figure>\n</section>\n"
         )
     }
@@ -109,7 +119,13 @@ impl Figure {
         let rows = self.rows.as_ref().ok()?;
         const MARGIN: f64 = 16.0;
         let (mut drawing, mut width, mut y) = (String::new(), 0.0_f64, 34.0);
+        let mut alts: Vec<&str> = Vec::new();
         for row in rows {
+            let panels = row.panels().0;
+            if panels.is_empty() {
+                continue;
+            }
+            alts.extend(panels.iter().map(|panel| panel.alt.as_str()));
             let (part, right, end) = row.placed(y);
             drawing += &part;
             width = width.max(right);
@@ -121,10 +137,11 @@ impl Figure {
         Some(format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{full_width:.0}\" \
              height=\"{full_height:.0}\" viewBox=\"-{MARGIN} -{MARGIN} {full_width:.1} \
-             {full_height:.1}\">\n<title>{name}</title>\n<style>\n{style}</style>\n\
+             {full_height:.1}\" role=\"img\">\n<title>{name}</title>\n<desc>{alts}</desc>\n<style>\n{style}</style>\n\
              <rect class=\"page\" x=\"-{MARGIN}\" y=\"-{MARGIN}\" width=\"100%\" \
              height=\"100%\"/>\n{title}{drawing}</svg>\n",
             name = escape(self.title),
+            alts = escape(&alts.join("; ")),
             style = style::figure(),
             title = title.placed((0.0, 0.0)),
         ))

@@ -55,18 +55,23 @@ impl Map<'_> {
 
 /// One- and two-sigma ellipses and the centre of a mode.
 pub fn draw_mode(plot: &mut Plot, mode: &Mode, class: &str) {
+    for sigma in [1.0, 2.0] {
+        plot.curve(ellipse(mode, sigma), class);
+    }
+    plot.dot(mode.mean[0], mode.mean[1], 3.5, "dot success");
+}
+
+/// The closed ellipse at `sigma` standard deviations of a mode of two dimensions.
+pub fn ellipse(mode: &Mode, sigma: f64) -> Vec<(f64, f64)> {
     let [a, b, c] = [mode.covariance[(0, 0)], mode.covariance[(1, 0)], mode.covariance[(1, 1)]];
     // Lower Cholesky factor.
     let l11 = a.max(0.0).sqrt();
     let l21 = if l11 > 0.0 { b / l11 } else { 0.0 };
     let l22 = (c - l21 * l21).max(0.0).sqrt();
-    for sigma in [1.0, 2.0] {
-        let point = |i: usize| {
-            let (sin, cos) = (i as f64 / POINTS as f64 * std::f64::consts::TAU).sin_cos();
-            let (x, y) = (sigma * l11 * cos, sigma * (l21 * cos + l22 * sin));
-            (mode.mean[0] + x, mode.mean[1] + y)
-        };
-        plot.curve((0..=POINTS).map(point), class);
-    }
-    plot.dot(mode.mean[0], mode.mean[1], 3.5, "dot success");
+    let point = |i: usize| {
+        let (sin, cos) = (i as f64 / POINTS as f64 * std::f64::consts::TAU).sin_cos();
+        let (x, y) = (sigma * l11 * cos, sigma * (l21 * cos + l22 * sin));
+        (mode.mean[0] + x, mode.mean[1] + y)
+    };
+    (0..=POINTS).map(point).collect()
 }

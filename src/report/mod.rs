@@ -2,21 +2,26 @@
 //!
 //! ```text
 //! let html = report::render(&data);
-//! for (stem, svg) in report::figures(&data) { /* write {stem}.svg */ }
+//! for (stem, svg) in report::figures(&data) { /* write {stem}.svg, or remove it */ }
 //! ```
 //!
 //! Everything is drawn from [`ReportData`]; what the data lacks is named in place of the figure.
 //! The page needs no script and no other file.
 
-mod actions;
+mod activations;
+mod animation;
 mod attractors;
 mod coordinates;
+pub mod distribution;
+mod ellipsoids;
 pub mod figure;
 pub mod map;
+mod modes;
 mod outcomes;
 mod page;
 mod plane;
 pub mod plot;
+mod principal;
 mod reward;
 #[cfg(test)]
 mod sample;
@@ -26,13 +31,17 @@ mod strip;
 pub mod style;
 mod summary;
 pub mod svg;
+mod timing;
 
 use learner::path::PathRow;
+use nalgebra::DVector;
+use rt_controller::timing_file::LoopTiming;
 use shm_types::episode::OutcomeMsg;
 use shm_types::policy::PolicyMsg;
 
 use figure::Figure;
-pub use plane::{ModeRow, Plane, Reward};
+pub use modes::ModeRow;
+pub use plane::{Plane, Reward};
 
 /// What a report shows.
 pub struct ReportData {
@@ -53,6 +62,10 @@ pub struct ReportData {
     pub learnt_outcome: OutcomeMsg,
     /// Further names and values for the summary.
     pub notes: Vec<(String, String)>,
+    /// What the search had found when it last stopped; none before.
+    pub modes: Vec<ModeRow>,
+    /// One entry a pace, or why there are none.
+    pub timing: Result<Vec<LoopTiming>, String>,
     /// Instead of a flip: what a task without an arm shows.
     pub plane: Option<Plane>,
 }
@@ -60,6 +73,8 @@ pub struct ReportData {
 /// One rollout as the report shows it.
 pub struct TrialRow {
     pub rollout: u64,
+    /// The policy's parameters, in the scaled units of the search.
+    pub theta: DVector<f64>,
     pub reward: f64,
     pub success: bool,
     pub outcome: OutcomeMsg,
@@ -69,29 +84,32 @@ pub struct TrialRow {
 
 /// The complete page.
 pub fn render(data: &ReportData) -> String {
-    match &data.plane {
-        Some(plane) => actions::html(data, plane, &all_figures(data)),
-        None => page::html(data, &all_figures(data)),
-    }
+    page::html(data, &all_figures(data))
 }
 
-/// File stem and content of every figure the data allows.
-pub fn figures(data: &ReportData) -> Vec<(&'static str, String)> {
-    let figures = all_figures(data);
-    figures.iter().filter_map(|figure| Some((figure.stem, figure.svg()?))).collect()
+/// File stem of every figure, and its content where the data allows it.
+pub fn figures(data: &ReportData) -> Vec<(&'static str, Option<String>)> {
+    all_figures(data).iter().map(|figure| (figure.stem, figure.svg())).collect()
 }
 
 fn all_figures(data: &ReportData) -> Vec<Figure> {
     if let Some(plane) = &data.plane {
-        return vec![plane::figure(plane), reward::figure(data)];
+        return vec![plane::figure(data, plane), reward::figure(data)];
     }
+    let [wakeup, tick] = timing::figures(&data.timing);
     vec![
         reward::figure(data),
         strip::figure(data),
-        stiffness::figure(data),
+        animation::figure(data),
+        modes::figure(data),
         attractors::figure(data),
+        ellipsoids::figure(data),
+        activations::figure(data),
+        stiffness::figure(data),
         coordinates::figure(data),
         outcomes::figure(data),
+        wakeup,
+        tick,
     ]
 }
 
@@ -101,7 +119,7 @@ mod tests {
 
     /// Every drawing and the page, with no number that is not one.
     fn render_all(data: &ReportData) -> String {
-        let figures: String = figures(data).into_iter().map(|(_, svg)| svg).collect();
+        let figures: String = figures(data).into_iter().filter_map(|(_, svg)| svg).collect();
         let page = render(data);
         for text in [&figures, &page] {
             assert!(!text.contains("NaN") && !text.contains("inf\"") && !text.contains("inf "));
@@ -110,28 +128,73 @@ mod tests {
     }
 
     #[test]
-    fn a_complete_session_has_every_figure_and_stays_below_a_megabyte() {
+    fn a_complete_session_has_every_figure_and_no_reference_to_elsewhere() {
         let data = sample::session(100);
-        assert_eq!(figures(&data).len(), 6);
+        let figures = figures(&data);
+        assert_eq!(figures.len(), 12);
         let page = render_all(&data);
-        assert!(page.len() < 1_000_000 && !page.contains("is missing"));
-        assert!(
-            !page.contains("http://") && !page.contains("https://") && !page.contains("<script")
-        );
+        for (stem, svg) in &figures {
+            assert!(svg.is_some(), "{stem}");
+            assert!(page.contains(&format!("<section id=\"{stem}\"")), "{stem}");
+        }
+        for part in ["Configuration in effect", "All rollouts in numbers", "class=\"verdict\""] {
+            assert!(page.contains(part), "{part}");
+        }
+        assert!(page.len() < 3_000_000, "{} bytes", page.len());
+        for bad in ["is missing", "http:", "https:", "src=", "href=", "url(", "@import", "<script"]
+        {
+            assert!(!page.contains(bad), "{bad}");
+        }
     }
 
     #[test]
-    fn elements_are_balanced() {
-        let data = sample::session(20);
-        let page = render(&data);
-        let all = figures(&data).into_iter().map(|(_, svg)| svg).chain([page]);
-        for text in all {
-            for tag in ["svg", "g", "text", "figure", "section", "table", "tr", "div", "details"] {
-                let open = text.matches(&format!("<{tag} ")).count()
-                    + text.matches(&format!("<{tag}>")).count();
-                assert_eq!(open, text.matches(&format!("</{tag}>")).count(), "{tag}");
+    fn a_task_without_an_arm_has_its_page() {
+        let mut data = sample::session(30);
+        let axis = |label| plot::Axis { label, min: -1.0, max: 1.0 };
+        let (x, y) = (axis("a"), axis("b"));
+        data.trials.iter_mut().for_each(|trial| trial.theta = trial.theta.rows(0, 2).into());
+        for row in &mut data.modes {
+            row.mode.mean = row.mode.mean.rows(0, 2).into();
+            row.mode.covariance = row.mode.covariance.view((0, 0), (2, 2)).into();
+        }
+        data.plane = Some(Plane { x, y, reward: Box::new(|theta| theta.norm()), max: 1.0 });
+        let page = render_all(&data);
+        assert!(page.contains("id=\"solutions\"") && page.contains("Configuration in effect"));
+        assert!(!page.contains("id=\"flip\""), "there is no arm");
+    }
+
+    /// What HTML leaves open: elements without an end.
+    const VOID: [&str; 3] = ["meta", "input", "!DOCTYPE"];
+
+    /// Asserts that every element ends, within the one it began in.
+    fn assert_nested(text: &str) {
+        let mut open: Vec<&str> = Vec::new();
+        for tag in text.split('<').skip(1) {
+            let (tag, _) = tag.split_once('>').expect("a tag ends");
+            let name = tag.split([' ', '\n', '/']).find(|part| !part.is_empty()).unwrap_or("");
+            if tag.starts_with('/') {
+                assert_eq!(open.pop(), Some(name), "<{tag}>");
+            } else if !tag.ends_with('/') && !VOID.contains(&name) {
+                open.push(name);
             }
         }
+        assert!(open.is_empty(), "{open:?}");
+    }
+
+    #[test]
+    fn elements_are_nested() {
+        let data = sample::session(20);
+        assert_nested(&render(&data));
+        figures(&data)
+            .iter()
+            .filter_map(|(_, svg)| svg.as_ref())
+            .for_each(|svg| assert_nested(svg));
+    }
+
+    #[test]
+    #[should_panic(expected = "</p>")]
+    fn the_nesting_check_can_fail() {
+        assert_nested("<p><b>bold</p></b>");
     }
 
     #[test]
@@ -140,9 +203,12 @@ mod tests {
         (data.initial, data.learnt) = (PolicyMsg::EMPTY, PolicyMsg::EMPTY);
         data.initial_path.clear();
         data.learnt_path.clear();
+        data.modes.clear();
+        data.timing = Err("timing.json: it is damaged".into());
         let page = render_all(&data);
-        assert_eq!(page.matches("is missing").count(), 6);
-        assert_eq!(figures(&data).len(), 0);
+        assert_eq!(page.matches("is missing").count(), 12);
+        assert!(page.contains("timing.json: it is damaged"));
+        assert!(figures(&data).iter().all(|(_, svg)| svg.is_none()));
     }
 
     #[test]

@@ -4,8 +4,13 @@ use super::figure::Figure;
 use super::svg::escape;
 use super::{ReportData, style, summary};
 
-const SOURCE: &str = "Calinon, Kormushev and Caldwell, <i>Compliant skills acquisition and \
-                      multi-optima policy search with EM-based reinforcement learning</i>";
+const ARM: &str = "A robot arm improves a compliant movement, its path and its stiffness together, \
+                   by trial and error; after Calinon, Kormushev and Caldwell, <i>Compliant skills \
+                   acquisition and multi-optima policy search with EM-based reinforcement \
+                   learning</i>.";
+const PLANE: &str = "A policy is two numbers; the search looks for every good one (Sec. 4.2 of \
+                     Calinon, Kormushev and Caldwell, <i>Compliant skills acquisition and \
+                     multi-optima policy search with EM-based reinforcement learning</i>).";
 
 const TERMS: &str = "<b>Terms.</b> A <i>rollout</i> is one execution of a policy. The \
     <i>policy</i> is a sequence of attractors, each with a stiffness; they act one after another \
@@ -19,18 +24,22 @@ const TERMS: &str = "<b>Terms.</b> A <i>rollout</i> is one execution of a policy
 pub fn html(data: &ReportData, figures: &[Figure]) -> String {
     let task = escape(&data.task);
     let figures: String = (1..).zip(figures).map(|(n, figure)| figure.html(n)).collect();
+    let (heading, about, verdict, terms) = match &data.plane {
+        None => ("Learning to flip", ARM, summary::verdict(&data.trials), TERMS),
+        Some(_) => ("Searching for solutions", PLANE, summary::solutions(data), ""),
+    };
+    let terms =
+        if terms.is_empty() { String::new() } else { format!("<p class=\"terms\">{terms}</p>\n") };
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
          <title>{task}: session {session}</title>\n<style>\n{style}</style>\n</head>\n<body>\n\
-         <header>\n<h1>Learning to flip: {task}</h1>\n\
-         <p class=\"kicker\">Session {session}. A robot arm improves a compliant movement, its \
-         path and its stiffness together, by trial and error; after {SOURCE}.</p>\n\
-         <p class=\"verdict\">{verdict}</p>\n</header>\n{tables}{figures}\
-         <p class=\"terms\" style=\"margin-top:44px\">{TERMS}</p>\n{details}</body>\n</html>\n",
+         <header>\n<h1>{heading}: {task}</h1>\n\
+         <p class=\"kicker\">Session {session}. {about}</p>\n\
+         <p class=\"verdict\">{verdict}</p>\n</header>\n{tables}\
+         <main>\n{figures}</main>\n{terms}{details}</body>\n</html>\n",
         session = escape(&data.session),
         style = style::page(),
-        verdict = summary::verdict(&data.trials),
         tables = summary::tables(data),
         details = details(data),
     )
@@ -44,7 +53,7 @@ fn details(data: &ReportData) -> String {
         details = format!(
             "<details>\n<summary>All rollouts in numbers</summary>\n<div class=\"scroll\">\n{}\
              </div>\n</details>\n",
-            summary::trials(&data.trials)
+            summary::trials(data)
         );
     }
     details

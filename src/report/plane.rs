@@ -3,61 +3,60 @@
 use learner::search::Mode;
 use nalgebra::Vector2;
 
-use super::figure::{Figure, Row};
-use super::map::{Map, draw_mode};
+use super::figure::{Figure, HALF, Row};
+use super::map::Map;
+use super::modes::{LEGEND, ModeRow, NO_MODES, draw_modes, table};
 use super::plot::{Axis, Key};
 use super::svg::Panel;
+use super::{ReportData, TrialRow};
 
 /// The reward of every policy of a plane.
 pub type Reward = Box<dyn Fn(&Vector2<f64>) -> f64>;
 
-/// A session of a task with two policy parameters and no arm.
+/// A task with two policy parameters and no arm.
 pub struct Plane {
     pub x: Axis,
     pub y: Axis,
     /// What the world gives for each policy: for the reader, the search never sees it.
     pub reward: Reward,
     pub max: f64,
-    pub trials: Vec<[f64; 2]>,
-    pub modes: Vec<ModeRow>,
 }
 
-/// A mode and what is said of it.
-pub struct ModeRow {
-    pub mode: Mode,
-    pub number: usize,
-    pub best: Option<(u64, f64)>,
-    pub tolerance: Option<f64>,
-    pub remark: &'static str,
-}
-
-pub fn figure(plane: &Plane) -> Figure {
+pub fn figure(data: &ReportData, plane: &Plane) -> Figure {
+    let rows = if data.trials.is_empty() {
+        Err("the session has no rollout yet.".to_owned())
+    } else {
+        let numbers = match data.modes.is_empty() {
+            true => Row::Numbers(format!("<p class=\"missing\">Modes: {NO_MODES}</p>\n")),
+            false => table(&data.modes),
+        };
+        Ok(vec![Row::Half(draw(plane, &data.trials, &data.modes)), numbers])
+    };
     Figure {
         stem: "solutions",
         title: "Solutions in the plane of the policy parameters",
         caption: "Shades: reward of every policy, which the search does not know. Open dots: the \
-                  trials. Ellipses at one and two standard deviations: the modes found, their \
-                  policies as filled dots."
+                  trials. Ellipses at one standard deviation: the modes found, about their policies."
             .into(),
-        rows: Ok(vec![Row::wide(|width| draw(plane, width))]),
+        rows,
     }
 }
 
-fn draw(plane: &Plane, width: f64) -> Panel {
+fn draw(plane: &Plane, trials: &[TrialRow], modes: &[ModeRow]) -> Panel {
     let map = Map { x: plane.x, y: plane.y, reward: &plane.reward, max: plane.max };
-    let alt = format!("{} trials and {} modes", plane.trials.len(), plane.modes.len());
-    let legend = [(Key::Dot, "dot failure", "trial"), (Key::Line, "learnt", "mode")];
-    let width = width.min(620.0);
-    let mut plot = map.draw((width, 0.85 * width), &alt, &legend);
-    for &[x, y] in &plane.trials {
+    let alt = format!("{} trials and {} modes", trials.len(), modes.len());
+    let legend = [(Key::Dot, "dot failure", "trial"), LEGEND[0], LEGEND[1]];
+    let mut plot = map.draw((HALF, 420.0), &alt, &legend);
+    for trial in trials.iter().filter(|trial| trial.theta.len() == 2) {
+        let (x, y) = (trial.theta[0], trial.theta[1]);
         let inside =
             (plane.x.min..=plane.x.max).contains(&x) && (plane.y.min..=plane.y.max).contains(&y);
         if inside {
             plot.dot(x, y, 2.2, "dot failure");
         }
     }
-    for row in &plane.modes {
-        draw_mode(&mut plot, &row.mode, "learnt");
-    }
+    let flat = modes.iter().filter(|row| row.mode.mean.len() == 2);
+    let modes: Vec<(Mode, &ModeRow)> = flat.map(|row| (row.mode.clone(), row)).collect();
+    draw_modes(&mut plot, &modes);
     plot.panel
 }

@@ -8,7 +8,7 @@ const BOTTOM: f64 = 40.0;
 /// Height of a line of text.
 const ROW: f64 = 19.0;
 /// Mean width of a character at the font size of the figures.
-const CHARACTER: f64 = 6.7;
+const CHARACTER: f64 = 7.5;
 
 /// What an axis shows; `label` with its unit.
 #[derive(Clone, Copy)]

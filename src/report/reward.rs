@@ -1,6 +1,6 @@
 //! Reward over the rollouts: the paper's Fig. 3, centre.
 
-use super::figure::{Figure, NARROW, Row};
+use super::figure::{Figure, HALF, Row};
 use super::plot::{Axis, Entry, Key, Plot};
 use super::svg::Panel;
 use super::{ReportData, TrialRow};
@@ -22,19 +22,28 @@ pub fn figure(data: &ReportData) -> Figure {
         Err("the session has no rollout yet.".to_owned())
     } else {
         let legend = if data.plane.is_some() { &PLAIN_LEGEND[..] } else { &LEGEND };
-        Ok(vec![Row::wide(|width| draw(&data.trials, legend, width))])
+        Ok(match data.plane {
+            // Beside the plane.
+            Some(_) => vec![Row::Half(draw(&data.trials, legend, HALF))],
+            None => vec![
+                Row::wide(|width| draw(&data.trials, legend, width)),
+                Row::wide(|width| draw_successes(&data.trials, width)),
+            ],
+        })
     };
     let caption = if data.plane.is_some() {
         "One point per rollout."
     } else {
         "Every rollout earns a reward for flip angle, nearness of pan and pancake, and height. One \
-         point per rollout, filled where the pancake was flipped and caught."
+         point per rollout, filled where the pancake was flipped and caught. Below: the share of \
+         caught flips among the last 10 rollouts."
     };
     Figure { stem: "reward", title: "Reward over the rollouts", caption: caption.to_owned(), rows }
 }
 
 fn draw(trials: &[TrialRow], legend: &[Entry], width: f64) -> Panel {
     let rollouts = || trials.iter().map(|trial| trial.rollout as f64);
+    let rewards = || trials.iter().map(|trial| trial.reward);
     let x = Axis::rollouts(trials.iter().map(|trial| trial.rollout));
     // Some room at the top, for the name of the first success.
     let y = Axis::rounded("reward", trials.iter().map(|trial| 1.1 * trial.reward).chain([0.0]));
@@ -44,16 +53,27 @@ fn draw(trials: &[TrialRow], legend: &[Entry], width: f64) -> Panel {
 
     let best = best_so_far(trials);
     plot.curve(steps(&rollouts().zip(best).collect::<Vec<_>>()), "best");
-    plot.curve(rollouts().zip(running_mean(trials)).skip(WINDOW - 1), "mean");
+    plot.curve(rollouts().zip(running_mean(rewards())).skip(WINDOW - 1), "mean");
     if let Some(first) = trials.iter().find(|trial| trial.success) {
         let name = format!("first caught flip: {}", first.rollout);
         plot.event(first.rollout as f64, 0, &name);
     }
-    let radius = if width > NARROW { 3.6 } else { 2.8 };
+    let radius = if width > HALF { 3.6 } else { 2.8 };
     for trial in trials {
         let class = if trial.success { "dot success" } else { "dot failure" };
         plot.dot(trial.rollout as f64, trial.reward, radius, class);
     }
+    plot.panel
+}
+
+fn draw_successes(trials: &[TrialRow], width: f64) -> Panel {
+    let x = Axis::rollouts(trials.iter().map(|trial| trial.rollout));
+    let y = Axis { label: "caught flips among the last 10, %", min: 0.0, max: 100.0 };
+    let alt = "share of caught flips among the last 10 rollouts";
+    let mut plot = Plot::new((width, 150.0), alt, x, y, &[]);
+    let rollouts = trials.iter().map(|trial| trial.rollout as f64);
+    let caught = trials.iter().map(|trial| if trial.success { 100.0 } else { 0.0 });
+    plot.curve(rollouts.zip(running_mean(caught)).skip(WINDOW - 1), "learnt");
     plot.panel
 }
 
@@ -66,12 +86,13 @@ fn best_so_far(trials: &[TrialRow]) -> Vec<f64> {
     trials.iter().scan(f64::NEG_INFINITY, best).collect()
 }
 
-/// Mean reward of each rollout and the [`WINDOW`] − 1 before it, as far as there are any.
-fn running_mean(trials: &[TrialRow]) -> Vec<f64> {
-    (1..=trials.len())
+/// Mean of each value and the [`WINDOW`] − 1 before it, as far as there are any.
+fn running_mean(values: impl Iterator<Item = f64>) -> Vec<f64> {
+    let values: Vec<f64> = values.collect();
+    (1..=values.len())
         .map(|end| {
-            let window = &trials[end.saturating_sub(WINDOW)..end];
-            window.iter().map(|trial| trial.reward).sum::<f64>() / window.len() as f64
+            let window = &values[end.saturating_sub(WINDOW)..end];
+            window.iter().sum::<f64>() / window.len() as f64
         })
         .collect()
 }
@@ -98,14 +119,15 @@ mod tests {
             trial.reward = [1.0, 3.0, 2.0, 5.0][i % 4];
         }
         assert_eq!(best_so_far(&trials)[..5], [1.0, 3.0, 3.0, 5.0, 5.0]);
-        assert_eq!(running_mean(&trials)[..2], [1.0, 2.0]);
-        assert_eq!(running_mean(&trials)[11], (2.0 + 5.0 + 11.0 + 11.0 - 3.0 + 0.0) / 10.0 + 0.3);
+        let means = running_mean(trials.iter().map(|trial| trial.reward));
+        assert_eq!(means[..2], [1.0, 2.0]);
+        assert_eq!(means[11], (2.0 + 5.0 + 11.0 + 11.0 - 3.0 + 0.0) / 10.0 + 0.3);
     }
 
     #[test]
     fn draws_one_point_per_rollout() {
         let data = sample::session(40);
-        let svg = draw(&data.trials, &LEGEND, NARROW).inline();
+        let svg = draw(&data.trials, &LEGEND, HALF).inline();
         let points = svg.matches("dot success").count() + svg.matches("dot failure").count();
         assert_eq!(points, 40 + 2, "forty points and two in the legend");
     }

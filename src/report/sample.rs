@@ -7,12 +7,17 @@ use learner::activation::policy_activations;
 use learner::demonstration::Demonstration;
 use learner::initial_policy::{InitialPolicyConfig, initial_policy};
 use learner::path::PathRow;
-use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
+use learner::search::Mode;
+use nalgebra::{DMatrix, DVector, SMatrix, SVector, UnitQuaternion, Vector3};
+use rt_controller::Pace;
+use rt_controller::timing_file::LoopTiming;
 use shm_types::episode::{OUTCOME_SUCCESS, OUTCOME_TOSSED, OutcomeMsg};
 use shm_types::policy::{PolicyMsg, packed_index};
 
-use super::{ReportData, TrialRow};
+use super::{ModeRow, ReportData, TrialRow};
 
+/// Parameters of a made-up policy.
+const DIM: usize = 6;
 const GRAVITY: f64 = 9.81;
 const RELEASE_S: f64 = 0.56;
 const SPEED: f64 = 3.1;
@@ -55,8 +60,34 @@ pub fn session(n: u64) -> ReportData {
         learnt_path,
         learnt_outcome,
         notes: vec![("rollouts per second".into(), "4.2".into())],
+        modes: modes(),
+        timing: Ok(vec![LoopTiming {
+            pace: Pace::Realtime,
+            ticks: 1900,
+            missed_deadlines: 1,
+            wakeup: vec![(51_000, 1500), (61_000, 399), (1_200_000, 1)],
+            tick: vec![(1700, 1000), (2100, 900)],
+        }]),
         plane: None,
     }
+}
+
+/// Two of them, the first the answer.
+fn modes() -> Vec<ModeRow> {
+    let row = |number: usize, prior, best| ModeRow {
+        mode: Mode {
+            prior,
+            mean: DVector::from_fn(DIM, |i, _| 0.4 * noise((i + number) as u64)),
+            covariance: DMatrix::from_diagonal_element(DIM, DIM, 0.02),
+        },
+        number,
+        n_trials: 12,
+        best: Some((9, best)),
+        tolerance: Some(0.8),
+        is_answer: number == 1,
+        forbidden: false,
+    };
+    vec![row(1, 0.7, 1.2), row(2, 0.3, 0.9)]
 }
 
 /// A number in −1..1 that looks random.
@@ -93,7 +124,8 @@ fn trial(rollout: u64) -> TrialRow {
     } else {
         0.5 * apex_m
     };
-    TrialRow { rollout, reward, success, outcome, fault: u64::from(rollout % 41 == 40) }
+    let theta = DVector::from_fn(DIM, |i, _| skill * noise(100 * rollout + i as u64));
+    TrialRow { rollout, theta, reward, success, outcome, fault: u64::from(rollout % 41 == 40) }
 }
 
 /// Stiff for the throw, compliant for the catch.

@@ -48,6 +48,15 @@ impl View {
         View { x, z, scale: width / (x.1 - x.0) }
     }
 
+    /// The same within a frame of `width` × `height` px at most.
+    pub fn within(path: &[PathRow], (width, height): (f64, f64)) -> View {
+        let view = View::of(path, width);
+        let scale = view.scale * (height / view.height()).min(1.0);
+        // What the frame is too wide for is shown on both sides.
+        let more = 0.5 * (width / scale - (view.x.1 - view.x.0));
+        View { x: (view.x.0 - more, view.x.1 + more), scale, ..view }
+    }
+
     pub fn width(&self) -> f64 {
         (self.x.1 - self.x.0) * self.scale
     }
@@ -147,6 +156,13 @@ mod tests {
         assert!((RIM_TILT - world.rim_tilt).abs() < 1e-12);
         assert_eq!(PANCAKE_RADIUS, world.pancake_radius);
         assert_eq!(PANCAKE_THICKNESS, world.pancake_thickness);
+    }
+
+    #[test]
+    fn a_view_fills_its_frame() {
+        let path = sample::session(1).learnt_path;
+        let view = View::within(&path, (440.0, 300.0));
+        assert!((view.width() - 440.0).abs() < 1e-9 && view.height() < 300.0 + 1e-9);
     }
 
     #[test]

@@ -21,12 +21,7 @@ const HEIGHT_MARK: f64 = 0.2;
 type Moment = (usize, &'static str);
 
 pub fn figure(data: &ReportData) -> Figure {
-    let path: Vec<PathRow> = data
-        .learnt_path
-        .iter()
-        .filter(|row| row.columns().iter().all(|v| v.is_finite()))
-        .copied()
-        .collect();
+    let path = finite(&data.learnt_path);
     let outcome = &data.learnt_outcome;
     let rows = if path.len() < 2 {
         Err(format!("the session holds no path of rollout {}.", data.learnt_rollout))
@@ -49,6 +44,11 @@ pub fn figure(data: &ReportData) -> Figure {
         ),
         rows,
     }
+}
+
+/// The rows that hold numbers only.
+pub fn finite(path: &[PathRow]) -> Vec<PathRow> {
+    path.iter().filter(|row| row.columns().iter().all(|v| v.is_finite())).copied().collect()
 }
 
 /// The moments worth a frame, in order of time, without two frames of the same row.

@@ -3,7 +3,7 @@
 //! Colours follow Okabe and Ito, who chose them to be told apart by every kind of colour vision.
 
 /// Name, light, dark.
-const COLOURS: [(&str, &str, &str); 11] = [
+const COLOURS: [(&str, &str, &str); 19] = [
     ("paper", "#ffffff", "#15171b"),
     ("ink", "#1c1f25", "#e4e7ec"),
     ("muted", "#59616d", "#a3acb9"),
@@ -15,6 +15,14 @@ const COLOURS: [(&str, &str, &str); 11] = [
     ("mean", "#009e73", "#37c596"),
     ("top", "#e69f00", "#f2b632"),
     ("bottom", "#7b4b1e", "#a8693a"),
+    ("o0", "#3b53c4", "#6f8bff"),
+    ("o1", "#6a46c9", "#9278f5"),
+    ("o2", "#9440bd", "#b36be0"),
+    ("o3", "#b83fa3", "#d065bf"),
+    ("o4", "#d04b82", "#e46c9d"),
+    ("o5", "#dc6262", "#ef7d7a"),
+    ("o6", "#df7f41", "#f39a5f"),
+    ("o7", "#d99a1f", "#f0bb4a"),
 ];
 
 const FIGURE_RULES: &str = "\
@@ -40,14 +48,23 @@ svg .dot.success{fill:var(--learnt);stroke:var(--learnt)}
 svg .dot.failure{fill:var(--paper);stroke:var(--axis);stroke-width:1.3px}
 svg .dot.start{fill:var(--initial)}
 svg .ellipse{stroke-width:1px;fill-opacity:.09;stroke-opacity:.45}
-svg .o0{fill:#3b53c4;stroke:#3b53c4}
-svg .o1{fill:#6a46c9;stroke:#6a46c9}
-svg .o2{fill:#9440bd;stroke:#9440bd}
-svg .o3{fill:#b83fa3;stroke:#b83fa3}
-svg .o4{fill:#d04b82;stroke:#d04b82}
-svg .o5{fill:#dc6262;stroke:#dc6262}
-svg .o6{fill:#df7f41;stroke:#df7f41}
-svg .o7{fill:#d99a1f;stroke:#d99a1f}
+svg .o0{fill:var(--o0);stroke:var(--o0)}
+svg .o1{fill:var(--o1);stroke:var(--o1)}
+svg .o2{fill:var(--o2);stroke:var(--o2)}
+svg .o3{fill:var(--o3);stroke:var(--o3)}
+svg .o4{fill:var(--o4);stroke:var(--o4)}
+svg .o5{fill:var(--o5);stroke:var(--o5)}
+svg .o6{fill:var(--o6);stroke:var(--o6)}
+svg .o7{fill:var(--o7);stroke:var(--o7)}
+svg .line.activation{fill:none;stroke-width:2px}
+svg .line.scale{stroke:var(--ink);stroke-width:2px;stroke-linecap:butt}
+svg .trial{stroke-width:1.4px;fill-opacity:.85}
+svg .trial.open{fill:var(--paper);fill-opacity:.4}
+svg .line.mode-halo{stroke:var(--paper);stroke-width:4.5px;stroke-opacity:.7}
+svg .dot.mode,svg .dot.answer{stroke:var(--paper);stroke-width:1.5px}
+svg .dot.mode{fill:var(--learnt)}
+svg .dot.answer{fill:var(--best)}
+svg .number{fill:var(--ink);font-weight:600}
 svg .ellipse.start{fill:none;stroke:var(--initial);stroke-dasharray:2 2}
 svg .heat{fill:var(--top);stroke:none}
 svg .h1{fill-opacity:.08}
@@ -73,27 +90,50 @@ svg .normal-tip{fill:var(--top)}
 const PAGE_RULES: &str = "\
 *{box-sizing:border-box}
 html{color-scheme:light dark;-webkit-text-size-adjust:100%}
-body{margin:0 auto;padding:40px 12px 64px;max-width:1024px;background:var(--paper);
+body{margin:0 auto;padding:40px 12px 64px;max-width:1384px;background:var(--paper);
 color:var(--ink);font:17px/1.55 Charter,'Bitstream Charter','Source Serif 4',Georgia,serif}
 h1{font-size:32px;line-height:1.2;margin:0 0 6px;font-weight:600}
-h2{font-size:21px;margin:52px 0 6px;font-weight:600}
+h2{font-size:21px;line-height:1.3;margin:52px 0 6px;font-weight:600}
 p{max-width:46em;margin:8px 0}
 .kicker,.terms,figcaption,.missing{color:var(--muted);font-size:15.5px}
 .verdict{font-size:20px;line-height:1.45;margin:18px 0 24px;padding-left:14px;
 border-left:3px solid var(--learnt)}
+main+.terms{margin-top:52px}
 figure{margin:0}
 sub{line-height:0;font-size:.72em}
-figcaption{max-width:52em;margin-top:6px}
+figcaption{max-width:52em;margin-top:8px}
 figcaption b{color:var(--ink);font-weight:600}
 svg{display:block;width:100%;height:auto;overflow:visible;margin:0 auto}
 svg svg{overflow:hidden}
 .row{display:grid;gap:16px 20px;margin-top:14px}
-.frames{grid-template-columns:repeat(auto-fill,minmax(108px,1fr));gap:14px 8px}
+.frames{grid-template-columns:repeat(auto-fill,minmax(104px,1fr));gap:14px 8px}
 .thirds{grid-template-columns:repeat(auto-fit,minmax(min(100%,300px),1fr))}
+@media (min-width:1000px){.frames{grid-template-columns:repeat(8,1fr)}}
 .narrow{display:none}
 @media (max-width:860px){.narrow{display:block}.wide{display:none}}
-@media (min-width:821px){.beside{display:grid;grid-template-columns:auto minmax(260px,1fr);
-gap:40px;align-items:center}.beside .row{width:500px}}
+.half .drawing{min-width:0}
+@media (min-width:861px){.half figure{display:grid;
+grid-template-columns:minmax(0,500px) minmax(240px,1fr);gap:12px 40px;align-items:center}}
+@media (min-width:1240px){body{padding:40px 32px 64px}
+main{display:grid;grid-template-columns:repeat(2,minmax(0,1fr));gap:0 56px}
+section{grid-column:span 2}
+section.half{grid-column:span 1}.half figure{display:block}
+.half:not(.half+.half):not(:has(+.half)){grid-column:span 2}
+.half:not(.half+.half):not(:has(+.half)) figure{display:grid;
+grid-template-columns:minmax(0,598px) minmax(240px,1fr)}}
+.player{justify-items:center}
+.player input{position:absolute;opacity:0;width:1px;height:1px}
+.player label{cursor:pointer;border:1px solid var(--axis);border-radius:6px;padding:2px 18px;
+font-size:15.5px;user-select:none}
+.player label:hover{border-color:var(--learnt)}
+.player input:focus-visible+label{outline:2px solid var(--learnt);outline-offset:2px}
+.player .start{display:none}
+.player input:checked~svg .moving{animation-play-state:paused}
+.player input:checked+label .start{display:inline}
+.player input:checked+label .stop{display:none}
+@media (prefers-reduced-motion:reduce){.player .start,.player input:checked+label .stop
+{display:inline}.player .stop,.player input:checked+label .start{display:none}
+.player input:checked~svg .moving{animation-play-state:running!important}}
 .tables{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,330px),1fr));gap:8px 40px;
 align-items:start}
 table{border-collapse:collapse;width:100%;font-size:15.5px;font-variant-numeric:tabular-nums}
@@ -101,16 +141,19 @@ caption{text-align:left;font-weight:600;padding:6px 0}
 th,td{padding:4px 8px 4px 0;text-align:left;font-weight:400;border-top:1px solid var(--grid);
 vertical-align:top;overflow-wrap:anywhere}
 th{color:var(--muted)}
+.tables table{max-width:660px}
 .tables td{text-align:right;padding-right:0}
 details{margin-top:18px;border-top:1px solid var(--grid);padding-top:12px}
 summary{cursor:pointer;font-weight:600}
 .scroll{overflow-x:auto;margin-top:10px}
-.trials{white-space:nowrap;font-size:14px}
+.numbers{white-space:nowrap;font-size:14px}
+.trials{white-space:nowrap;font-size:14px;width:auto}
 .trials th,.trials td{text-align:right;padding:2px 0 2px 14px}
 pre{overflow-x:auto;font:13px/1.5 ui-monospace,SFMono-Regular,Menlo,Consolas,monospace;
 border:1px solid var(--grid);padding:12px;margin:10px 0 0}
 a{color:var(--learnt)}
-@media print{body{padding:0;max-width:none}h2{margin-top:28px}figure{break-inside:avoid}}
+@media print{body{padding:0;max-width:none}h2{margin-top:28px;break-after:avoid}
+figure,tr{break-inside:avoid}.player label{display:none}}
 ";
 
 /// Stylesheet of the page and the figures within it.

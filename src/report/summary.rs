@@ -38,6 +38,25 @@ pub fn verdict(trials: &[TrialRow]) -> String {
     )
 }
 
+/// The same of a task without an arm: "2 solutions after 200 rollouts; best reward 0.981
+/// (rollout 154)."
+pub fn solutions(data: &ReportData) -> String {
+    let Some(best) = best(&data.trials) else {
+        return "No rollout has been recorded yet.".into();
+    };
+    let solutions = match data.modes.len() {
+        0 => "No solution yet".into(),
+        1 => "One solution".into(),
+        n => format!("{n} solutions"),
+    };
+    format!(
+        "{solutions} after {}; best reward {} (rollout {}).",
+        rollouts(data.trials.len()),
+        fixed(best.reward, 3),
+        best.rollout
+    )
+}
+
 fn recent(trials: &[TrialRow]) -> &[TrialRow] {
     &trials[trials.len().saturating_sub(RECENT)..]
 }
@@ -50,7 +69,7 @@ fn rollouts(n: usize) -> String {
     if n == 1 { "1 rollout".to_owned() } else { format!("{n} rollouts") }
 }
 
-/// Both tables.
+/// Both tables; of a task without an arm the session's alone.
 pub fn tables(data: &ReportData) -> String {
     let (session, trial) = (session_rows(data), trial_rows(data));
     let caption = if data.trials.iter().any(|trial| trial.success) {
@@ -59,7 +78,7 @@ pub fn tables(data: &ReportData) -> String {
         format!("Best rollout: {}", data.learnt_rollout)
     };
     let mut tables = table("Session", &session);
-    if !trial.is_empty() {
+    if !trial.is_empty() && data.plane.is_none() {
         tables += &table(&caption, &trial);
     }
     format!("<div class=\"tables\">\n{tables}</div>\n")
@@ -70,12 +89,12 @@ fn session_rows(data: &ReportData) -> Vec<(String, String)> {
     let with = |flag| trials.iter().filter(|trial| trial.outcome.has(flag)).count();
     let faults = trials.iter().filter(|trial| trial.fault != 0).count();
     let row = |name: &str, value: String| (name.to_owned(), value);
-    let mut rows = vec![
-        row("seed", data.seed.to_string()),
-        row("rollouts", trials.len().to_string()),
-        row("caught flips", successes(trials).to_string()),
-        row("dropped pancakes", with(OUTCOME_DROPPED).to_string()),
-    ];
+    let mut rows =
+        vec![row("seed", data.seed.to_string()), row("rollouts", trials.len().to_string())];
+    if data.plane.is_none() {
+        rows.push(row("caught flips", successes(trials).to_string()));
+        rows.push(row("dropped pancakes", with(OUTCOME_DROPPED).to_string()));
+    }
     let exploits = with(OUTCOME_EXPLOIT);
     if exploits > 0 {
         rows.push(row("discarded as contact exploits", exploits.to_string()));
@@ -142,8 +161,8 @@ fn table(caption: &str, rows: &[(String, String)]) -> String {
 }
 
 /// Every rollout with the numbers behind the figures.
-pub fn trials(trials: &[TrialRow]) -> String {
-    const HEAD: [&str; 9] = [
+pub fn trials(data: &ReportData) -> String {
+    const FLIPS: [&str; 9] = [
         "rollout",
         "reward",
         "caught",
@@ -154,9 +173,19 @@ pub fn trials(trials: &[TrialRow]) -> String {
         "miss, cm",
         "fault",
     ];
-    let head: String = HEAD.iter().map(|name| format!("<th scope=\"col\">{name}</th>")).collect();
-    let rows: String = trials.iter().map(trial_row).collect();
+    let (head, row): (Vec<&str>, fn(&TrialRow) -> String) = match &data.plane {
+        None => (FLIPS.to_vec(), trial_row),
+        Some(plane) => (vec!["rollout", "reward", plane.x.label, plane.y.label], action_row),
+    };
+    let head: String = head.iter().map(|name| format!("<th scope=\"col\">{name}</th>")).collect();
+    let rows: String = data.trials.iter().map(row).collect();
     format!("<table class=\"trials\">\n<tr>{head}</tr>\n{rows}</table>\n")
+}
+
+fn action_row(trial: &TrialRow) -> String {
+    let numbers = std::iter::once(&trial.reward).chain(trial.theta.iter().take(2));
+    let cells: String = numbers.map(|value| format!("<td>{}</td>", fixed(*value, 3))).collect();
+    format!("<tr><td>{}</td>{cells}</tr>\n", trial.rollout)
 }
 
 fn trial_row(trial: &TrialRow) -> String {

@@ -90,6 +90,18 @@ impl Panel {
         self.write(format_args!("</svg>"));
     }
 
+    /// Everything `draw` adds is moved as a whole, by the transform and by what rules say of `class`.
+    pub fn group(&mut self, class: &str, transform: &str, draw: impl FnOnce(&mut Panel)) {
+        self.write(format_args!(r#"<g class="{class}" transform="{transform}">"#));
+        draw(self);
+        self.write(format_args!("</g>"));
+    }
+
+    /// Rules of this drawing alone.
+    pub fn style(&mut self, css: &str) {
+        self.write(format_args!("<style>\n{css}</style>"));
+    }
+
     /// As an element of an HTML page, which provides the stylesheet.
     pub fn inline(&self) -> String {
         let (width, height) = (short(self.width), short(self.height));
@@ -97,7 +109,7 @@ impl Panel {
             "<svg viewBox=\"0 0 {width} {height}\" role=\"img\" aria-label=\"{alt}\" \
              style=\"max-width:{max}px\">\n{body}</svg>\n",
             alt = escape(&self.alt),
-            max = short(self.width * 1.15),
+            max = short(self.width * 1.36),
             body = self.body,
         )
     }
@@ -124,7 +136,7 @@ fn path_data(points: impl IntoIterator<Item = (f64, f64)>) -> String {
 }
 
 /// A coordinate to a tenth of a pixel, without needless zeros; far away instead of not finite.
-fn short(value: f64) -> String {
+pub fn short(value: f64) -> String {
     let value = if value.is_nan() { 0.0 } else { value.clamp(-1e5, 1e5) };
     let tenths = (value * 10.0).round() / 10.0;
     format!("{}", tenths + 0.0)

@@ -1,12 +1,13 @@
 //! The tables `modes` and `forbidden`.
 
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 use rusqlite::params;
 use shm_types::policy::PolicyMsg;
 
 use super::rows::{PolicyKind, blob, insert_policy, integer, signed, vector};
 use super::{Store, StoreError};
 use crate::modes::ModeReport;
+use crate::search::Mode;
 
 impl Store {
     /// Replaces the modes by those found now, with the policy of each; a policy that is stored
@@ -48,6 +49,21 @@ impl Store {
         })
     }
 
+    /// The modes found when the search last stopped, by falling prior; none before.
+    pub fn modes(&self) -> Result<Vec<Mode>, StoreError> {
+        let query = "SELECT mode, prior, mean, covariance FROM modes ORDER BY mode";
+        let mut statement = self.sql(self.connection.prepare(query))?;
+        let rows = self.sql(statement.query_map([], |row| {
+            Ok((integer(row.get(0)?), row.get(1)?, row.get(2)?, row.get(3)?))
+        }))?;
+        rows.map(|row| {
+            let (number, prior, mean, covariance): (u64, f64, Vec<u8>, Vec<u8>) = self.sql(row)?;
+            mode(prior, &mean, &covariance)
+                .ok_or_else(|| self.corrupt(format!("mode {number} is damaged")))
+        })
+        .collect()
+    }
+
     /// Forbids the mode whose mean is `mean`, and those that may come to lie there.
     pub fn forbid(&mut self, mean: &DVector<f64>) -> Result<(), StoreError> {
         self.transaction(|transaction| {
@@ -73,5 +89,45 @@ impl Store {
             vector(&bytes).ok_or_else(|| self.corrupt(format!("forbidden mode {id} is damaged")))
         })
         .collect()
+    }
+}
+
+/// `None` if the numbers are no mode: not finite, or of shapes that do not fit.
+fn mode(prior: f64, mean: &[u8], covariance: &[u8]) -> Option<Mode> {
+    let (mean, entries) = (vector(mean)?, vector(covariance)?);
+    let dim = mean.len();
+    let sound = prior.is_finite() && dim > 0 && entries.len() == dim * dim;
+    let covariance = || DMatrix::from_column_slice(dim, dim, entries.as_slice());
+    sound.then(|| Mode { prior, mean, covariance: covariance() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::tests::{policy, session};
+
+    #[test]
+    fn modes_come_back_and_damaged_ones_are_refused() {
+        let directory = tempfile::TempDir::new().unwrap();
+        let (_, mut store) = session(&directory);
+        assert_eq!(store.modes().unwrap(), []);
+        let found = Mode {
+            prior: 0.75,
+            mean: DVector::from_vec(vec![1.0, -2.0]),
+            covariance: DMatrix::from_column_slice(2, 2, &[3.0, 1.0, 1.0, 2.0]),
+        };
+        let report = ModeReport {
+            number: 1,
+            mode: found.clone(),
+            n_trials: 3,
+            best: None,
+            tolerance: None,
+            forbidden: false,
+        };
+        store.put_modes(&[(report, policy(7))]).unwrap();
+        assert_eq!(store.modes().unwrap(), [found]);
+        let damage = "UPDATE modes SET covariance = x'0000000000000000'";
+        store.connection.execute_batch(damage).unwrap();
+        assert!(store.modes().unwrap_err().to_string().contains("mode 1 is damaged"));
     }
 }

@@ -53,7 +53,7 @@ pub fn figure(seed: u64) -> Result<Figure> {
              which forgives more: the ellipses show one and two standard deviations of the good \
              trials."
         ),
-        rows: Ok(vec![Row::Beside(plot.panel)]),
+        rows: Ok(vec![Row::Half(plot.panel)]),
     })
 }
 

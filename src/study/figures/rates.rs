@@ -8,8 +8,8 @@ use crate::study::{Row, Table};
 const LINE: f64 = 24.0;
 const TOP: f64 = 34.0;
 /// Mean width of a character of a method's name.
-const CHARACTER: f64 = 6.9;
-const RIGHT: f64 = 46.0;
+const CHARACTER: f64 = 7.6;
+const RIGHT: f64 = 50.0;
 
 /// Every metric of `table`, in its order.
 pub fn figure(table: &Table, stem: &'static str, title: &'static str) -> Figure {
@@ -66,7 +66,7 @@ fn metric_panel(metric: &str, rows: &[&Row]) -> Panel {
             1
         };
         let text = fixed(value, decimals);
-        panel.text((THIRD - RIGHT + 6.0, y + 4.5), Anchor::Start, "tick", &text);
+        panel.text((THIRD - RIGHT + 9.0, y + 4.5), Anchor::Start, "tick", &text);
     }
     panel
 }
