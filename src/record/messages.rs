@@ -3,15 +3,11 @@
 //! Every file carries their schema. Numbers of a tick are rounded to a binary grid far below what
 //! any sensor resolves: random low bits are most of what a compressor cannot compress.
 
-use learner::modes::ModeReport;
 use prost_types::DescriptorProto;
 use shm_types::episode::{
-    EpisodeHeader, FLAG_BLENDING, FLAG_IN_CONTACT, FLAG_NEAR_JOINT_LIMIT, FLAG_NEAR_SPEED_LIMIT,
-    FLAG_RATE_LIMITED, FLAG_TORQUE_CLIPPED, OUTCOME_DROPPED, OUTCOME_EXPLOIT, OUTCOME_SUCCESS,
-    OUTCOME_TOSSED,
+    FLAG_BLENDING, FLAG_IN_CONTACT, FLAG_NEAR_JOINT_LIMIT, FLAG_NEAR_SPEED_LIMIT,
+    FLAG_RATE_LIMITED, FLAG_TORQUE_CLIPPED,
 };
-use shm_types::news::TrialNews;
-use shm_types::policy::PolicyMsg;
 use shm_types::telemetry::TelemetryTick;
 
 use super::loop_policy::LoopPolicy;
@@ -228,95 +224,4 @@ impl Tick {
 fn rounded(values: &[f64], bits: i32) -> Vec<f32> {
     let grid = f64::from(bits).exp2();
     values.iter().map(|value| ((value * grid).round() / grid) as f32).collect()
-}
-
-impl From<&PolicyMsg> for Policy {
-    fn from(message: &PolicyMsg) -> Policy {
-        let d = message.task_dim as usize;
-        let springs = message.components().iter().map(|component| Spring {
-            center: component.center,
-            width: component.width,
-            attractor_m_rad: component.attractor.to_vec(),
-            stiffness_per_s2: component.stiffness[..d * (d + 1) / 2].to_vec(),
-        });
-        Policy {
-            digest: message.digest,
-            session: message.session,
-            rollout: message.rollout,
-            policy_id: message.policy_id,
-            task_dim: message.task_dim,
-            duration_s: message.duration_s,
-            decay_per_s: message.decay_rate,
-            damping_per_s: message.damping,
-            springs: springs.collect(),
-            action: message.action[..message.n_actions as usize].to_vec(),
-        }
-    }
-}
-
-impl From<&EpisodeHeader> for Outcome {
-    fn from(header: &EpisodeHeader) -> Outcome {
-        let outcome = &header.outcome;
-        Outcome {
-            session: header.session,
-            rollout: header.rollout,
-            policy_digest: header.policy_digest,
-            applied_tick: header.applied_tick,
-            n_records: header.n_records,
-            fault: header.fault,
-            tossed: outcome.has(OUTCOME_TOSSED),
-            success: outcome.has(OUTCOME_SUCCESS),
-            dropped: outcome.has(OUTCOME_DROPPED),
-            exploit: outcome.has(OUTCOME_EXPLOIT),
-            value: outcome.value,
-            release_time_s: outcome.release_time_s,
-            release_speed_m_s: outcome.release_speed_m_s,
-            release_spin_rad_s: outcome.release_spin_rad_s,
-            apex_m: outcome.apex_m,
-            crossing_time_s: outcome.crossing_time_s,
-            flip_angle_rad: outcome.flip_angle_rad,
-            distance_m: outcome.distance_m,
-            lateral_m: outcome.lateral_m,
-            final_lateral_m: outcome.final_lateral_m,
-            release_pitch_rate_rad_s: outcome.release_pitch_rate_rad_s,
-            bounce_s: outcome.bounce_s,
-            clipped_share: outcome.clipped_share,
-        }
-    }
-}
-
-impl From<&[ModeReport]> for Mixture {
-    fn from(reports: &[ModeReport]) -> Mixture {
-        let modes = reports.iter().map(|report| Mode {
-            number: report.number as u32,
-            prior: report.mode.prior,
-            n_trials: report.n_trials as u64,
-            best_rollout: report.best.map_or(0, |(rollout, _)| rollout),
-            best_reward: report.best.map_or(0.0, |(_, reward)| reward),
-            tolerance: report.tolerance,
-            forbidden: report.forbidden,
-            mean: report.mode.mean.as_slice().to_vec(),
-            covariance: report.mode.covariance.as_slice().to_vec(),
-        });
-        Mixture { modes: modes.collect() }
-    }
-}
-
-impl Mixture {
-    /// As much as an observer is told.
-    pub fn of_news(news: &TrialNews) -> Option<Mixture> {
-        let modes = news.validate().ok().filter(|modes| !modes.is_empty())?;
-        let modes = modes.iter().enumerate().map(|(i, mode)| Mode {
-            number: i as u32 + 1,
-            prior: mode.prior,
-            n_trials: mode.n_trials,
-            best_rollout: mode.best_rollout,
-            best_reward: mode.best_reward,
-            tolerance: (mode.tolerance >= 0.0).then_some(mode.tolerance),
-            forbidden: mode.forbidden != 0,
-            mean: Vec::new(),
-            covariance: Vec::new(),
-        });
-        Some(Mixture { modes: modes.collect() })
-    }
 }

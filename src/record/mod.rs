@@ -10,6 +10,7 @@ mod recover;
 mod schema;
 pub mod scribe;
 pub mod session;
+mod told;
 pub mod watcher;
 
 use anyhow::Result;

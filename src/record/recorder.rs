@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use shm_types::news::{TRIAL_SET_ASIDE, TRIAL_SUCCESS, TrialNews};
 use shm_types::telemetry::TelemetryTick;
 
 use super::file::{RecordingFile, free};
@@ -70,7 +69,7 @@ impl Recorder {
             Seen::Outcome(header) => self.scribe.outcome(header),
             Seen::Tick(tick, at_ns) => self.tick(tick, *at_ns)?,
             Seen::Trial(news) => {
-                self.scribe.trial(&trial(news));
+                self.scribe.trial(&Trial::from(&**news));
                 if let Some(mixture) = Mixture::of_news(news) {
                     self.scribe.mixture(&mixture);
                 }
@@ -149,16 +148,4 @@ fn begin(scribe: &Scribe, path: &Path, attachments: &[Attachment]) -> Result<Rec
         file.attach(name, media_type, text)?;
     }
     Ok(file)
-}
-
-pub fn trial(news: &TrialNews) -> Trial {
-    Trial {
-        session: news.session,
-        rollout: news.rollout,
-        policy_digest: news.policy_digest,
-        reward: news.reward,
-        success: news.has(TRIAL_SUCCESS),
-        set_aside: news.has(TRIAL_SET_ASIDE),
-        fault: news.fault,
-    }
 }

@@ -66,15 +66,8 @@ impl SessionRecorder {
     }
 
     pub fn trial(&mut self, report: &TrialReport) {
-        self.recorder.scribe().trial(&Trial {
-            session: self.session,
-            rollout: report.rollout,
-            policy_digest: self.policy_digest,
-            reward: report.reward,
-            success: report.success,
-            set_aside: report.set_aside,
-            fault: report.fault,
-        });
+        let trial = Trial::new(self.session, self.policy_digest, report);
+        self.recorder.scribe().trial(&trial);
     }
 
     pub fn modes(&mut self, reports: &[ModeReport]) {

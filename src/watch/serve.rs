@@ -7,8 +7,7 @@ use anyhow::{Context, Result, bail};
 
 use crate::cell::NamedCell;
 use crate::record;
-use crate::record::messages::Mixture;
-use crate::record::recorder::trial;
+use crate::record::messages::{Mixture, Trial};
 use crate::record::scribe::Detail;
 use crate::record::watcher::{Seen, Watcher};
 
@@ -50,7 +49,7 @@ pub fn run(
                 Seen::Policy(policy) => scribe.policy(&policy),
                 Seen::Outcome(header) => scribe.outcome(&header),
                 Seen::Trial(news) => {
-                    scribe.trial(&trial(&news));
+                    scribe.trial(&Trial::from(&*news));
                     if let Some(mixture) = Mixture::of_news(&news) {
                         scribe.mixture(&mixture);
                     }
