@@ -1,6 +1,7 @@
 //! Every command and flag.
 
 pub mod bench;
+pub mod demo;
 pub mod doctor;
 pub mod soak;
 
@@ -40,6 +41,8 @@ pub enum Verb {
     Rearm(RearmArgs),
     /// Look at the policies of a session; put policies into a running cell, and take them back
     Policy(PolicyArgs),
+    /// Make demonstrations from recordings
+    Demo(demo::DemoArgs),
     /// Write the figures and the HTML page of a session
     Report(ReportArgs),
     /// Repeat a study over many seeds: success rates with intervals, comparisons, figures

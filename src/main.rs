@@ -6,6 +6,7 @@ mod children;
 mod cli;
 mod commands;
 mod config;
+mod demo;
 mod doctor;
 mod health;
 mod host;
@@ -45,6 +46,7 @@ fn main() -> ExitCode {
         Verb::Status(args) => commands::status::run(args),
         Verb::Rearm(args) => commands::rearm::run(args),
         Verb::Policy(args) => commands::policy::run(args),
+        Verb::Demo(args) => commands::demo::run(args),
         Verb::Report(args) => commands::report::run(args),
         Verb::Study(args) => commands::study::run(args),
         Verb::Doctor(args) => commands::doctor::run(args),

@@ -3,6 +3,7 @@
 pub mod bench;
 pub mod config;
 pub mod controller;
+pub mod demo;
 pub mod doctor;
 pub mod learn;
 pub mod learner;
