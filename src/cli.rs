@@ -3,7 +3,9 @@
 pub mod bench;
 pub mod demo;
 pub mod doctor;
+pub mod shell;
 pub mod soak;
+pub mod trials;
 
 use std::num::NonZero;
 use std::path::PathBuf;
@@ -12,7 +14,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 
 mod policy;
 
-pub use policy::{AtArg, CellArgs, PolicyArgs, PolicyVerb};
+pub use policy::{AtArg, CellArgs, FormatArg, PolicyArgs, PolicyVerb};
 
 /// Learns compliant robot skills on a hard real-time loop.
 ///
@@ -43,6 +45,8 @@ pub enum Verb {
     Policy(PolicyArgs),
     /// Make demonstrations from recordings
     Demo(demo::DemoArgs),
+    /// Print all trials of a session as CSV or JSON
+    Trials(trials::TrialsArgs),
     /// Write the figures and the HTML page of a session
     Report(ReportArgs),
     /// Repeat a study over many seeds: success rates with intervals, comparisons, figures
@@ -55,6 +59,10 @@ pub enum Verb {
     Soak(soak::SoakArgs),
     /// Show the configuration in effect
     Config(ConfigArgs),
+    /// Print a script that completes commands and flags in a shell
+    Completions(shell::CompletionsArgs),
+    /// Write the manual pages
+    Man(shell::ManArgs),
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
@@ -280,3 +288,7 @@ pub struct ConfigArgs {
     #[arg(long)]
     pub json: bool,
 }
+
+#[cfg(test)]
+#[path = "cli/tests.rs"]
+mod tests;

@@ -13,6 +13,7 @@ mod host;
 mod log;
 mod metrics;
 mod output;
+mod policy_file;
 mod progress;
 mod reload;
 mod report;
@@ -47,12 +48,15 @@ fn main() -> ExitCode {
         Verb::Rearm(args) => commands::rearm::run(args),
         Verb::Policy(args) => commands::policy::run(args),
         Verb::Demo(args) => commands::demo::run(args),
+        Verb::Trials(args) => commands::trials::run(args),
         Verb::Report(args) => commands::report::run(args),
         Verb::Study(args) => commands::study::run(args),
         Verb::Doctor(args) => commands::doctor::run(args),
         Verb::Bench(args) => commands::bench::run(args),
         Verb::Soak(args) => commands::soak::run(args),
         Verb::Config(args) => commands::config::run(args),
+        Verb::Completions(args) => commands::shell::completions(args),
+        Verb::Man(args) => commands::shell::man(args),
     };
     match result {
         Ok(Verdict::Done) => ExitCode::SUCCESS,

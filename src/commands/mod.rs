@@ -12,6 +12,8 @@ pub mod modes;
 pub mod policy;
 pub mod rearm;
 pub mod report;
+pub mod shell;
 pub mod soak;
 pub mod status;
 pub mod study;
+pub mod trials;
