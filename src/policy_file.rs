@@ -132,7 +132,7 @@ mod tests {
             ("task_dim = 4", "task_dim = 3", "3 rows of 3"),
             ("task_dim", "dim", "dim"),
             ("width = 1.0", "width = 0.0", "width"),
-            ("width = 1.0", "width = ", "line 14"),
+            ("width = 1.0", "width = ", "line 13"),
         ] {
             let message = refusal(&text.replacen(from, to, 1));
             assert!(message.contains(word), "no '{word}' in: {message}");

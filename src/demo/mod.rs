@@ -5,6 +5,7 @@ mod recording;
 mod summary;
 
 use anyhow::{Result, bail};
+use learner::demonstration::DURATION_S;
 use learner::smoothing::smooth;
 use learner::trajectory::{Pose, sample};
 use physics::arm::ArmModel;
@@ -44,6 +45,14 @@ pub fn import(file: &str, text: &str, model: &ArmModel, options: &Options) -> Re
     let end = within(file, "--end", options.end_s.unwrap_or(last), first, last)?;
     if start >= end {
         bail!("{file}: --start {start} is not before --end {end}: nothing would be left");
+    }
+    if end - start > *DURATION_S.end() {
+        bail!(
+            "{file}: {} s from start to end, and a demonstration lasts at most {} s: choose a part \
+             with --start and --end, or check the unit of the time",
+            end - start,
+            DURATION_S.end()
+        );
     }
     if let Some(width_s) = options.smooth_s {
         let period = (last - first) / (times_s.len() - 1) as f64;

@@ -6,6 +6,9 @@ use learner::Demonstration;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use physics::arm::inverse_kinematics;
 use physics::pancake::WAM7_START_POSTURE;
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
 
 use super::*;
 use crate::setup::{PANCAKE_DEMONSTRATION, WAM7_URDF};
@@ -129,6 +132,7 @@ fn refuses_each_bad_row_and_names_its_line() {
         (poses("0.1,1,2,3"), vec!["line 4", "0.1 s after 0.1 s", "remove the row"]),
         (poses("0.05,1,2,3"), vec!["line 4", "must increase", "sort"]),
         ("t_s,x_m,y_m,z_m\n0,1,2,3\n".into(), vec!["1 rows", "at least 3"]),
+        (poses("1e15,1,2,3").replace("0.3,", "1e16,"), vec!["r.csv", "at most 30 s", "unit"]),
         (with(q, "0,2,0,0,0,1,2,3"), vec!["line 2", "norm 2.000"]),
         (with(q, "0,0,1,0,0,1,2,3"), vec!["line 2", "jump at π"]),
         (with(joints, "0,0,45,0,0,0,0,0"), vec!["line 2", "q2_rad is 45", "_deg"]),
@@ -148,4 +152,34 @@ fn refuses_each_bad_row_and_names_its_line() {
         let message = import("r.csv", &good, &arm(), &options).err().expect(word).to_string();
         assert!(message.contains(word), "no '{word}' in: {message}");
     }
+}
+
+#[test]
+fn no_damage_to_a_recording_makes_the_import_panic_or_take_forever() {
+    let arm = arm();
+    let mut random = ChaCha8Rng::seed_from_u64(1);
+    let header = "t_ms,q1_rad,q2_rad,q3_rad,q4_deg,q5_rad,q6_rad,q7_rad";
+    let row = |k: usize| format!("\n{},0,0.2,0,117,0,-0.6,{}", 10 * k, 0.01 * k as f64);
+    let joints: String = (0..20).map(row).collect();
+    let sound = [PANCAKE_DEMONSTRATION[..600].to_string(), format!("{header}{joints}")];
+    let smooth = Options { smooth_s: Some(0.05), ..AS_IT_IS };
+    let mut refused = 0;
+    for _ in 0..4000 {
+        let mut bytes = sound[random.random_range(0..2)].clone().into_bytes();
+        for _ in 0..random.random_range(1..4) {
+            let at = random.random_range(0..bytes.len());
+            bytes[at] = b"0123456789.,-+einfa\n\"; _"[random.random_range(0..24)];
+        }
+        let text = String::from_utf8(bytes).unwrap();
+        match import("r.csv", &text, &arm, &smooth) {
+            Ok(imported) => {
+                let _ = Demonstration::parse("out.csv", &imported.csv());
+            }
+            Err(error) => {
+                assert!(error.to_string().contains("r.csv"), "{error:#}");
+                refused += 1;
+            }
+        }
+    }
+    assert!(refused > 1000, "{refused}");
 }
