@@ -23,6 +23,7 @@ pub struct Column {
 
 /// What the rows say.
 #[derive(Debug, PartialEq)]
+#[allow(clippy::large_enum_variant)] // there is one a file
 pub enum Quantities {
     /// q₁, q₂, …
     Joints(Vec<Column>),
