@@ -1,7 +1,7 @@
 //! A recording as CSV, trimmed, smoothed and written as a demonstration.
 #![no_main]
 
-#[allow(dead_code)] // it belongs to a program that uses all of it
+#[allow(dead_code, unused_imports)] // it belongs to a program that uses all of it
 #[path = "../../src/demo/mod.rs"]
 mod demo;
 
