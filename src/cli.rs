@@ -1,9 +1,13 @@
 //! Every command and flag.
 
+pub mod arm;
 pub mod bench;
+pub mod demo;
 pub mod doctor;
 pub mod record;
+pub mod shell;
 pub mod soak;
+pub mod trials;
 
 use std::num::NonZero;
 use std::path::PathBuf;
@@ -12,7 +16,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 
 mod policy;
 
-pub use policy::{AtArg, CellArgs, PolicyArgs, PolicyVerb};
+pub use policy::{AtArg, CellArgs, FormatArg, PolicyArgs, PolicyVerb};
 
 /// Learns compliant robot skills on a hard real-time loop.
 ///
@@ -38,9 +42,9 @@ pub enum Verb {
     /// Ask a running controller how it is
     Status(StatusArgs),
     /// Hold the arm where it is, until it is re-armed
-    Hold(HoldArgs),
+    Hold(arm::HoldArgs),
     /// End the hold after a machine fault, once its cause is mended
-    Rearm(RearmArgs),
+    Rearm(arm::RearmArgs),
     /// Look at the policies of a session; put policies into a running cell, and take them back
     Policy(PolicyArgs),
     /// Watch a running cell in the terminal, or in a 3-D viewer
@@ -49,6 +53,10 @@ pub enum Verb {
     Record(record::RecordArgs),
     /// Run a trial of a session again, bit for bit, and record it
     Replay(record::ReplayArgs),
+    /// Make demonstrations from recordings
+    Demo(demo::DemoArgs),
+    /// Print all trials of a session as CSV or JSON
+    Trials(trials::TrialsArgs),
     /// Write the figures and the HTML page of a session
     Report(ReportArgs),
     /// Repeat a study over many seeds: success rates with intervals, comparisons, figures
@@ -61,6 +69,10 @@ pub enum Verb {
     Soak(soak::SoakArgs),
     /// Show the configuration in effect
     Config(ConfigArgs),
+    /// Print a script that completes commands and flags in a shell
+    Completions(shell::CompletionsArgs),
+    /// Write the manual pages
+    Man(shell::ManArgs),
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
@@ -230,34 +242,6 @@ pub struct StatusArgs {
 }
 
 #[derive(Args)]
-#[command(after_help = "\
-Example: skillet hold --cell kitchen
-
-Damped gravity hold from the next tick on, over a restart of the controller as well, until
-`skillet rearm`. It is no emergency stop: that is hardware.")]
-pub struct HoldArgs {
-    #[command(flatten)]
-    pub cell: CellArgs,
-    /// Print JSON
-    #[arg(long)]
-    pub json: bool,
-}
-
-#[derive(Args)]
-#[command(after_help = "\
-Example: skillet rearm --cell kitchen
-
-After a fault of the machine the arm is held, also over a restart of the controller. `skillet status`
-names the fault; the ticks before it lie in the cell's state folder, below faults.")]
-pub struct RearmArgs {
-    #[command(flatten)]
-    pub cell: CellArgs,
-    /// Print JSON
-    #[arg(long)]
-    pub json: bool,
-}
-
-#[derive(Args)]
 #[command(after_help = "Example: skillet report sessions/pancake-1")]
 pub struct ReportArgs {
     /// Session folder
@@ -309,3 +293,7 @@ pub struct ConfigArgs {
     #[arg(long)]
     pub json: bool,
 }
+
+#[cfg(test)]
+#[path = "cli/tests.rs"]
+mod tests;

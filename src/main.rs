@@ -6,12 +6,14 @@ mod children;
 mod cli;
 mod commands;
 mod config;
+mod demo;
 mod doctor;
 mod health;
 mod host;
 mod log;
 mod metrics;
 mod output;
+mod policy_file;
 mod progress;
 mod record;
 mod reload;
@@ -51,12 +53,16 @@ fn main() -> ExitCode {
         Verb::Watch(args) => commands::watch::run(args),
         Verb::Record(args) => commands::record::run(args),
         Verb::Replay(args) => commands::replay::run(args),
+        Verb::Demo(args) => commands::demo::run(args),
+        Verb::Trials(args) => commands::trials::run(args),
         Verb::Report(args) => commands::report::run(args),
         Verb::Study(args) => commands::study::run(args),
         Verb::Doctor(args) => commands::doctor::run(args),
         Verb::Bench(args) => commands::bench::run(args),
         Verb::Soak(args) => commands::soak::run(args),
         Verb::Config(args) => commands::config::run(args),
+        Verb::Completions(args) => commands::shell::completions(args),
+        Verb::Man(args) => commands::shell::man(args),
     };
     match result {
         Ok(Verdict::Done) => ExitCode::SUCCESS,

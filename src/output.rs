@@ -1,8 +1,9 @@
-//! Standard output that a closed pipe does not turn into a panic.
+//! Standard output that a closed pipe does not turn into a panic, and files that replace none.
 
 use std::io::{ErrorKind, Write};
+use std::path::Path;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 
 /// Prints `text`. Whoever closed the pipe (`| head`) has seen enough: that is no error.
 pub fn print(text: &str) -> Result<()> {
@@ -18,4 +19,16 @@ pub fn print(text: &str) -> Result<()> {
 /// Prints one JSON value and a newline.
 pub fn print_json(value: &impl serde::Serialize) -> Result<()> {
     print(&format!("{}\n", serde_json::to_string_pretty(value)?))
+}
+
+/// Writes a file that is not there yet; it appears whole or not at all.
+pub fn write_new(path: &Path, text: &str) -> Result<()> {
+    if path.exists() {
+        bail!("{}: exists already: choose another name, or remove it first", path.display());
+    }
+    let name = path.file_name().with_context(|| format!("{}: not a file", path.display()))?;
+    let draft = path.with_file_name(format!(".{}.new", name.to_string_lossy()));
+    std::fs::write(&draft, text).and_then(|()| std::fs::rename(&draft, path)).with_context(|| {
+        format!("{}: cannot write; check folder, permissions and free space", path.display())
+    })
 }

@@ -91,8 +91,7 @@ pub fn check(config: &Config) -> Result<Vec<Demonstration>> {
     let demonstrations = demonstrations(config)?;
     let first = &demonstrations[0];
     for demonstration in &demonstrations {
-        check_duration(config, demonstration)?;
-        check_reach(&model, &config.plant.start_posture(), demonstration)?;
+        check_demonstration(config, &model, demonstration)?;
         let (found, expected) = (demonstration.duration_s(), first.duration_s());
         if (found - expected).abs() > 1e-6 {
             bail!(
@@ -104,6 +103,16 @@ pub fn check(config: &Config) -> Result<Vec<Demonstration>> {
         }
     }
     Ok(demonstrations)
+}
+
+/// That the arm can follow it from the start posture, and that a rollout of it fits into an episode.
+pub fn check_demonstration(
+    config: &Config,
+    model: &ArmModel,
+    demonstration: &Demonstration,
+) -> Result<()> {
+    check_duration(config, demonstration)?;
+    check_reach(model, &config.plant.start_posture(), demonstration)
 }
 
 /// The demonstration the session starts from, then the other ones.

@@ -23,6 +23,7 @@ pub mod replay;
 pub mod reward;
 pub mod search;
 pub mod session;
+pub mod smoothing;
 pub mod store;
 pub mod summary;
 pub mod trajectory;

@@ -24,18 +24,23 @@ pub fn resample(times_s: &[f64], poses: &[Pose]) -> (f64, Vec<Pose>) {
     }
     let n = (duration / PERIOD_S).round().max(1.0) as usize;
     let period = duration / n as f64;
+    let at: Vec<f64> = (0..=n).map(|k| start + k as f64 * period).collect();
+    (period, sample(times_s, poses, &at))
+}
+
+/// The poses at `at_s` (s, increasing): on the cubic Hermite curve through `poses` at `times_s`, which
+/// increase strictly and are at least two. Before the first and after the last pose the curve is held.
+pub fn sample(times_s: &[f64], poses: &[Pose], at_s: &[f64]) -> Vec<Pose> {
     let slopes = hermite_slopes(times_s, poses);
     let mut segment = 0;
-    let resampled = (0..=n)
-        .map(|k| {
-            let t = start + k as f64 * period;
+    at_s.iter()
+        .map(|&t| {
             while segment + 2 < times_s.len() && times_s[segment + 1] <= t {
                 segment += 1;
             }
             hermite(times_s, poses, &slopes, segment, t)
         })
-        .collect();
-    (period, resampled)
+        .collect()
 }
 
 /// The poses at `source(t)` for every sample time t (s): a change of timing. Before the first pose

@@ -25,6 +25,13 @@ pub enum AtArg {
     Now,
 }
 
+#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
+pub enum FormatArg {
+    Json,
+    /// With units in comments
+    Toml,
+}
+
 #[derive(Args)]
 #[command(after_help = "\
 Policies of a session, at rest:
@@ -116,10 +123,11 @@ Examples:
         #[command(flatten)]
         cell: CellArgs,
     },
-    /// Print a policy as JSON: the answer of a session, or one of a cell
+    /// Print a policy as JSON or TOML: the answer of a session, or one of a cell
     #[command(after_help = "\
 Examples:
-  skillet policy export sessions/skittles-1 --prefer best > flip.json
+  skillet policy export sessions/skittles-1 --prefer best > throw.json
+  skillet policy export sessions/pancake-1 --format toml > flip.toml
   skillet policy export 3 --cell kitchen
   skillet policy export last-good --cell kitchen")]
     Export {
@@ -131,20 +139,23 @@ Examples:
         /// This mode of the session, preferred or not
         #[arg(long, conflicts_with = "prefer")]
         mode: Option<usize>,
+        /// JSON for programs, TOML to read and edit; `policy import` takes both
+        #[arg(long, value_enum, default_value_t = FormatArg::Json)]
+        format: FormatArg,
         #[command(flatten)]
         cell: CellArgs,
     },
     /// Check a policy and give it a number in a running cell
     #[command(after_help = "\
 Examples:
-  skillet policy import flip.json --cell kitchen
+  skillet policy import flip.toml --cell kitchen
   skillet policy import sessions/pancake-1 --cell kitchen           the session's answer
   skillet policy import sessions/pancake-1 --id 91 --cell kitchen   policy of one trial
 
 The controller checks bounds and stiffness and runs the policy on an ideal arm first; what it refuses
 it names.")]
     Import {
-        /// JSON of a policy, as `policy export` prints it, or a session folder
+        /// JSON or TOML of a policy, as `policy export` prints it, or a session folder
         from: PathBuf,
         /// Policy of the session, as in `policy list`
         #[arg(long, conflicts_with_all = ["prefer", "mode"])]

@@ -1,7 +1,6 @@
 //! `skillet policy import | activate | pin | …`: the policies of a running cell.
 
 use std::hash::{BuildHasher, Hasher, RandomState};
-use std::path::Path;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use anyhow::{Context, Result, bail};
@@ -12,7 +11,6 @@ use shm_types::command::{
     AT_NEXT_ROLLOUT, AT_NOW, COMMAND_ACTIVATE, COMMAND_IMPORT, COMMAND_ROLLBACK, Command, LAST_GOOD,
 };
 use shm_types::policy::PolicyMsg;
-use shm_types::policy_json;
 
 use crate::Verdict;
 use crate::cell::NamedCell;
@@ -43,14 +41,6 @@ pub fn import(cell: &NamedCell, policy: PolicyMsg, as_json: bool) -> Result<Verd
         ))?;
     }
     Ok(Verdict::Done)
-}
-
-/// A policy from the JSON in a file.
-pub fn read(path: &Path) -> Result<PolicyMsg> {
-    let name = path.display();
-    let text = std::fs::read_to_string(path)
-        .with_context(|| format!("{name}: cannot read the policy; check the path"))?;
-    policy_json::from_json(&text).with_context(|| format!("{name}: not a whole, valid policy"))
 }
 
 pub fn activate(cell: &NamedCell, id: &str, at: AtArg, as_json: bool) -> Result<Verdict> {

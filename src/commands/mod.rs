@@ -3,6 +3,7 @@
 pub mod bench;
 pub mod config;
 pub mod controller;
+pub mod demo;
 pub mod doctor;
 pub mod learn;
 pub mod learner;
@@ -13,7 +14,9 @@ pub mod rearm;
 pub mod record;
 pub mod replay;
 pub mod report;
+pub mod shell;
 pub mod soak;
 pub mod status;
 pub mod study;
+pub mod trials;
 pub mod watch;

@@ -13,8 +13,9 @@ use super::report::open;
 use super::{live, modes};
 use crate::Verdict;
 use crate::cell::NamedCell;
-use crate::cli::{CellArgs, PolicyArgs, PolicyVerb};
+use crate::cli::{CellArgs, FormatArg, PolicyArgs, PolicyVerb};
 use crate::output::{print, print_json};
+use crate::policy_file;
 use crate::session_folder::SessionFolder;
 
 pub fn run(args: &PolicyArgs) -> Result<Verdict> {
@@ -33,12 +34,15 @@ pub fn run(args: &PolicyArgs) -> Result<Verdict> {
             }
             [] => unreachable!("clap wants one or two"),
         },
-        PolicyVerb::Export { from, prefer, mode, cell } => {
+        PolicyVerb::Export { from, prefer, mode, format, cell } => {
             let policy = match Path::new(from).is_dir() {
                 true => modes::answer(Path::new(from), *prefer, *mode)?,
                 false => live::stored(&NamedCell::of(cell)?, from)?,
             };
-            print(&format!("{}\n", policy_json::to_json(&policy)?))?;
+            print(&match format {
+                FormatArg::Json => format!("{}\n", policy_json::to_json(&policy)?),
+                FormatArg::Toml => policy_file::to_toml(&policy)?,
+            })?;
             Ok(Verdict::Done)
         }
         PolicyVerb::Show { policy, json, cell } => show(&one(policy, cell)?, *json),
@@ -46,7 +50,7 @@ pub fn run(args: &PolicyArgs) -> Result<Verdict> {
             let policy = match (from.is_dir(), id) {
                 (true, Some(id)) => of_session(from, *id)?,
                 (true, None) => modes::answer(from, *prefer, *mode)?,
-                (false, _) => live::read(from)?,
+                (false, _) => policy_file::read(from)?,
             };
             live::import(&NamedCell::of(cell)?, policy, *json)
         }

@@ -9,7 +9,8 @@ use shm_types::command::{COMMAND_HOLD, COMMAND_REARM, Command};
 
 use crate::Verdict;
 use crate::cell::NamedCell;
-use crate::cli::{CellArgs, HoldArgs, RearmArgs};
+use crate::cli::CellArgs;
+use crate::cli::arm::{HoldArgs, RearmArgs};
 use crate::output::{print, print_json};
 
 const SOON: Duration = Duration::from_secs(5);

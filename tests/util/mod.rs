@@ -1,6 +1,7 @@
 //! Drives the real executable, and reads what it wrote.
 #![allow(dead_code)] // each test file uses its own part
 
+pub mod document;
 pub mod place;
 
 use std::os::unix::process::CommandExt;

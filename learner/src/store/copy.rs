@@ -10,7 +10,8 @@ use std::time::Duration;
 use rusqlite::backup::Backup;
 use rusqlite::{Connection, OpenFlags, Transaction};
 
-use super::{Store, StoreError, connect, seal};
+use super::seal::{self, Seals};
+use super::{Store, StoreError, connect};
 
 /// Pages a step; all of them in one go.
 const ALL_PAGES: i32 = i32::MAX;
@@ -35,7 +36,7 @@ impl SecondCopy {
         let same = |there: &Connection| {
             seal::contents(there).ok() == seal::contents(&store.connection).ok()
         };
-        copy.connection = sound.filter(same);
+        copy.connection = sound.filter(same).filter(|there| seal::index(there).is_ok());
         copy.catch_up(&store.connection);
         copy
     }
@@ -45,11 +46,12 @@ impl SecondCopy {
     pub fn repeat(
         &mut self,
         session: &Connection,
+        seals: &Seals,
         write: &dyn Fn(&Transaction<'_>) -> rusqlite::Result<()>,
     ) {
         match &mut self.connection {
             Some(connection) => {
-                if let Err(error) = commit(connection, write) {
+                if let Err(error) = commit(connection, seals, write) {
                     self.lag(&error);
                 }
             }
@@ -78,11 +80,12 @@ impl SecondCopy {
 /// Writes, seals what was written, commits.
 pub(super) fn commit(
     connection: &mut Connection,
+    seals: &Seals,
     write: &dyn Fn(&Transaction<'_>) -> rusqlite::Result<()>,
 ) -> rusqlite::Result<()> {
     let transaction = connection.transaction()?;
     write(&transaction)?;
-    seal::seal(&transaction)?;
+    seals.seal(&transaction)?;
     transaction.commit()
 }
 

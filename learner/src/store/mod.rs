@@ -21,6 +21,7 @@ pub use error::StoreError;
 pub use meta::SessionMeta;
 pub use rows::{Event, PolicyKind, TrialRecord};
 use rows::{blob, insert_policy, insert_trial, signed};
+use seal::Seals;
 
 use crate::path::PathRow;
 use crate::search::SearchSnapshot;
@@ -39,6 +40,7 @@ pub struct Store {
     connection: Connection,
     path: PathBuf,
     meta: SessionMeta,
+    seals: Seals,
     /// Of a session that is gone on with.
     copy: Option<SecondCopy>,
 }
@@ -72,10 +74,11 @@ impl Store {
         let sql = |error| StoreError::from_sql(path, error);
         let connection = connect(path, flags).map_err(sql)?;
         connection.pragma_update(None, "journal_mode", "WAL").map_err(sql)?;
-        let mut store = Store { connection, path: path.into(), meta: meta.clone(), copy: None };
+        let mut store = Store::of(connection, path, meta.clone());
         let text = store.policy_text(initial)?;
         store.transaction(|transaction| {
             transaction.execute_batch(include_str!("schema.sql"))?;
+            seal::index(transaction)?;
             meta::write(transaction, &meta)?;
             insert_policy(transaction, PolicyKind::Initial, initial, &text)?;
             transaction.pragma_update(None, "user_version", FORMAT_VERSION)?;
@@ -93,6 +96,7 @@ impl Store {
     /// from its second copy.
     pub fn resume(path: &Path) -> Result<Self, StoreError> {
         let mut store = copy::open_better(path)?;
+        store.sql(seal::index(&store.connection))?;
         store.copy = Some(SecondCopy::of(&store));
         Ok(store)
     }
@@ -125,7 +129,11 @@ impl Store {
             return Err(StoreError::Corrupt { path: path.into(), detail });
         }
         let meta = meta::read(&connection, path)?;
-        Ok(Store { connection, path: path.into(), meta, copy: None })
+        Ok(Store::of(connection, path, meta))
+    }
+
+    fn of(connection: Connection, path: &Path, meta: SessionMeta) -> Self {
+        Store { connection, path: path.into(), meta, seals: Seals::default(), copy: None }
     }
 
     /// That this is a session of `task`.
@@ -213,10 +221,10 @@ impl Store {
         &mut self,
         write: impl Fn(&Transaction<'_>) -> rusqlite::Result<()>,
     ) -> Result<(), StoreError> {
-        let committed = copy::commit(&mut self.connection, &write);
+        let committed = copy::commit(&mut self.connection, &self.seals, &write);
         committed.map_err(|error| StoreError::from_sql(&self.path, error))?;
         if let Some(copy) = &mut self.copy {
-            copy.repeat(&self.connection, &write);
+            copy.repeat(&self.connection, &self.seals, &write);
         }
         Ok(())
     }

@@ -1,5 +1,7 @@
 //! A digest in every row, so that damage inside a value is seen: SQLite's own checks see that of pages.
 
+use std::cell::OnceCell;
+
 use rusqlite::functions::FunctionFlags;
 use rusqlite::types::ValueRef;
 use rusqlite::{Connection, Transaction};
@@ -32,14 +34,40 @@ fn sized(digest: Digest, bytes: &[u8]) -> Digest {
     digest.bytes(&bytes.len().to_le_bytes()).bytes(bytes)
 }
 
-/// Seals the rows that a transaction has written.
-pub(super) fn seal(transaction: &Transaction<'_>) -> rusqlite::Result<()> {
-    for table in TABLES {
-        let columns = columns(transaction, table)?;
-        let sql = format!("UPDATE {table} SET seal = row_digest({columns}) WHERE seal IS NULL");
-        transaction.prepare_cached(&sql)?.execute([])?;
+/// Lets rows without a seal be found without looking at the others. Sessions of older programs have
+/// no such index until they are gone on with.
+pub(super) fn index(connection: &Connection) -> rusqlite::Result<()> {
+    let index = |table| {
+        format!("CREATE INDEX IF NOT EXISTS unsealed_{table} ON {table} (seal) WHERE seal IS NULL;")
+    };
+    connection.execute_batch(&TABLES.map(index).concat())
+}
+
+/// What seals the rows of each table. The names of the columns are asked of SQLite once, when the
+/// tables are there.
+#[derive(Default)]
+pub(super) struct Seals(OnceCell<Vec<String>>);
+
+impl Seals {
+    /// Seals the rows that a transaction has written.
+    pub fn seal(&self, transaction: &Transaction<'_>) -> rusqlite::Result<()> {
+        for update in self.updates(transaction)? {
+            transaction.prepare_cached(update)?.execute([])?;
+        }
+        Ok(())
     }
-    Ok(())
+
+    fn updates(&self, connection: &Connection) -> rusqlite::Result<&[String]> {
+        if let Some(updates) = self.0.get() {
+            return Ok(updates);
+        }
+        let update = |table| {
+            let columns = columns(connection, table)?;
+            Ok(format!("UPDATE {table} SET seal = row_digest({columns}) WHERE seal IS NULL"))
+        };
+        let updates = TABLES.into_iter().map(update).collect::<rusqlite::Result<Vec<_>>>()?;
+        Ok(self.0.get_or_init(|| updates))
+    }
 }
 
 /// The first table with a row that is not as it was written, and how many there are.
@@ -72,5 +100,33 @@ pub(super) fn contents(connection: &Connection) -> rusqlite::Result<u64> {
 /// All columns but the seal, in their order.
 fn columns(connection: &Connection, table: &str) -> rusqlite::Result<String> {
     let sql = "SELECT group_concat(name) FROM pragma_table_info(?1) WHERE name <> 'seal'";
-    connection.prepare_cached(sql)?.query_row([table], |row| row.get(0))
+    connection.query_row(sql, [table], |row| row.get(0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn unsealed_rows_are_found_without_a_scan() {
+        let connection = Connection::open_in_memory().unwrap();
+        teach(&connection).unwrap();
+        connection.execute_batch(include_str!("schema.sql")).unwrap();
+        let plans = |connection: &Connection| -> Vec<String> {
+            let seals = Seals::default();
+            let plan = |update: &String| {
+                let sql = format!("EXPLAIN QUERY PLAN {update}");
+                connection.query_row(&sql, [], |row| row.get(3)).unwrap()
+            };
+            seals.updates(connection).unwrap().iter().map(plan).collect()
+        };
+        assert!(plans(&connection).iter().all(|plan| plan.starts_with("SCAN")));
+        index(&connection).unwrap();
+        let plans = plans(&connection);
+        assert!(
+            plans.iter().all(|plan| plan.contains("USING") && plan.contains("unsealed_")),
+            "{plans:?}"
+        );
+        index(&connection).unwrap();
+    }
 }

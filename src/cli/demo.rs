@@ -1,0 +1,71 @@
+//! `skillet demo`: its verbs and flags.
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
+
+#[derive(Args)]
+pub struct DemoArgs {
+    #[command(subcommand)]
+    pub verb: DemoVerb,
+}
+
+#[derive(Subcommand)]
+pub enum DemoVerb {
+    /// Make a demonstration from a recording of joint angles or poses
+    Import(ImportArgs),
+}
+
+#[derive(Args)]
+#[command(after_help = "\
+Examples:
+  skillet demo import recording.csv --out my_demo.csv
+  skillet demo import joints.csv --config my.toml --smooth-s 0.03 --start 1.2 --end 3.0 --out my_demo.csv
+
+Columns, in any order, each with its unit; others are not read:
+  t_s (or _ms, _us, _ns), and either
+  q1_rad, q2_rad, …        joints of the configured arm (or _deg)
+  x_m, y_m, z_m            tip in the world frame (or _cm, _mm), and its orientation:
+                           pitch_rad, roll_rad, yaw_rad (or _deg; y, x, z of the rotation vector,
+                           0 when absent), or a unit quaternion qw, qx, qy, qz
+
+Exit code 1 when the file is written but the configured arm cannot follow it.")]
+pub struct ImportArgs {
+    /// Recording (CSV with a header)
+    pub file: PathBuf,
+    /// Demonstration to write; never overwrites a file
+    #[arg(long)]
+    pub out: PathBuf,
+    /// Samples a second of the result
+    #[arg(long, default_value_t = 100.0, value_parser = rate)]
+    pub rate_hz: f64,
+    /// Smooth by parabolas fitted with Gaussian weights of this standard deviation, s
+    #[arg(long, value_parser = positive)]
+    pub smooth_s: Option<f64>,
+    /// Begin here, s in the time of the recording
+    #[arg(long, value_name = "S", value_parser = finite, allow_hyphen_values = true)]
+    pub start: Option<f64>,
+    /// End here, s in the time of the recording
+    #[arg(long, value_name = "S", value_parser = finite, allow_hyphen_values = true)]
+    pub end: Option<f64>,
+    /// Configuration file (TOML) with the arm: plant.arm, plant.tip, plant.start_posture_rad
+    #[arg(long)]
+    pub config: Option<PathBuf>,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+fn finite(text: &str) -> Result<f64, String> {
+    let number: Option<f64> = text.parse().ok();
+    number.filter(|number| number.is_finite()).ok_or("give a finite number of seconds".into())
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    finite(text).ok().filter(|s| *s > 0.0).ok_or("give seconds above 0, such as 0.03".into())
+}
+
+fn rate(text: &str) -> Result<f64, String> {
+    let rate: Option<f64> = text.parse().ok();
+    rate.filter(|rate| (20.0..=1000.0).contains(rate)).ok_or("use 20 to 1000 Hz".into())
+}

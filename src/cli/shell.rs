@@ -1,0 +1,33 @@
+//! `skillet completions` and `skillet man`: their flags.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+
+#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
+pub enum Shell {
+    Bash,
+    Zsh,
+    Fish,
+}
+
+#[derive(Args)]
+#[command(after_help = "\
+Examples:
+  skillet completions bash > ~/.local/share/bash-completion/completions/skillet
+  skillet completions fish > ~/.config/fish/completions/skillet.fish")]
+pub struct CompletionsArgs {
+    pub shell: Shell,
+}
+
+#[derive(Args)]
+#[command(after_help = "\
+Example: skillet man --out ~/.local/share/man/man1     then: man skillet-learn
+
+One page a command, rendered from the command line's own definition; pages that are there are
+replaced.")]
+pub struct ManArgs {
+    /// Folder of the pages
+    #[arg(long)]
+    pub out: PathBuf,
+}

@@ -1,0 +1,26 @@
+//! `skillet trials`: its flags.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+#[derive(Args)]
+#[command(after_help = "\
+Examples:
+  skillet trials sessions/pancake-1 > trials.csv
+  skillet trials sessions/pancake-1 --csv trials.csv
+  skillet trials sessions/pancake-1 --json
+
+One row a trial. Units stand in the column names; reward, shares and theta (the scaled search vector
+of a task with an arm) have none. Times count from the start of the movement. Numbers are written so
+that they come back bit for bit.")]
+pub struct TrialsArgs {
+    /// Session folder
+    pub session: PathBuf,
+    /// File to write, - for standard output; never overwrites a file
+    #[arg(long, value_name = "FILE", default_value = "-", conflicts_with = "json")]
+    pub csv: PathBuf,
+    /// Print JSON: one object a trial
+    #[arg(long)]
+    pub json: bool,
+}
