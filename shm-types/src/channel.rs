@@ -75,6 +75,9 @@ pub(crate) enum Door {
     Open,
 }
 
+/// Publishers of a channel: one lives, the others are dead and not cleared away yet.
+const PLACES: usize = 4;
+
 pub(crate) struct Qos {
     history: usize,
     buffer: usize,
@@ -220,16 +223,19 @@ pub(crate) fn commands(node: &Node<Ipc>, door: Door) -> Result<Commands, Channel
     }
 }
 
-pub(crate) const POLICY_QOS: Qos = Qos { history: 1, buffer: 2, publishers: 2, subscribers: 2 };
-pub(crate) const ACK_QOS: Qos = Qos { history: 1, buffer: 2, publishers: 1, subscribers: 1 };
+pub(crate) const POLICY_QOS: Qos =
+    Qos { history: 1, buffer: 2, publishers: PLACES, subscribers: 2 };
+pub(crate) const ACK_QOS: Qos = Qos { history: 1, buffer: 2, publishers: PLACES, subscribers: 1 };
 pub(crate) const TELEMETRY_QOS: Qos =
-    Qos { history: 0, buffer: 64, publishers: 1, subscribers: 16 };
-pub(crate) const IN_LOOP_QOS: Qos = Qos { history: 1, buffer: 16, publishers: 1, subscribers: 16 };
-pub(crate) const OUTCOME_QOS: Qos = Qos { history: 1, buffer: 16, publishers: 1, subscribers: 16 };
+    Qos { history: 0, buffer: 64, publishers: PLACES, subscribers: 16 };
+pub(crate) const IN_LOOP_QOS: Qos =
+    Qos { history: 1, buffer: 16, publishers: PLACES, subscribers: 16 };
+pub(crate) const OUTCOME_QOS: Qos =
+    Qos { history: 1, buffer: 16, publishers: PLACES, subscribers: 16 };
 /// Who comes late sees the reward curve all the same.
 pub(crate) const TRIAL_QOS: Qos =
-    Qos { history: TRIAL_HISTORY, buffer: TRIAL_HISTORY, publishers: 1, subscribers: 16 };
-pub(crate) const BEAT_QOS: Qos = Qos { history: 1, buffer: 2, publishers: 1, subscribers: 16 };
+    Qos { history: TRIAL_HISTORY, buffer: TRIAL_HISTORY, publishers: PLACES, subscribers: 16 };
+pub(crate) const BEAT_QOS: Qos = Qos { history: 1, buffer: 2, publishers: PLACES, subscribers: 16 };
 
 pub(crate) fn publisher<T: core::fmt::Debug + ZeroCopySend>(
     factory: &PubSub<T>,

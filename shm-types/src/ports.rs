@@ -269,21 +269,36 @@ pub(crate) fn with_retry<T>(
         if joined.as_ref().is_none_or(|member| !member.generation.is_current()) {
             joined = Member::join(cell)?.map(Arc::new);
         }
+        let is_over = stop() || start.elapsed() >= timeout;
         match joined.as_ref().map(&open) {
             Some(Ok(ports)) => return Ok(ports),
             Some(Err(error)) if !is_transient(&error) => return Err(error),
-            _ if stop() || start.elapsed() >= timeout => {
+            Some(Err(error)) if is_over && has_no_place(&error) => return Err(error),
+            _ if is_over => {
                 let seconds = start.elapsed().as_secs_f64();
                 return Err(ChannelError::NoController { cell: cell.name().into(), seconds });
             }
-            _ => std::thread::sleep(Duration::from_millis(5)),
+            _ => {
+                // Their places may be what is missing.
+                if let Some(member) = &joined {
+                    let _ = member.node.try_cleanup_dead_nodes();
+                }
+                std::thread::sleep(Duration::from_millis(5));
+            }
         }
     }
 }
 
-/// The service is not there, not yet or not any more, as opposed to there but foreign.
+/// The service is not there, not yet or not any more, or its places are taken by the dead, as opposed to
+/// there but foreign.
 fn is_transient(error: &ChannelError) -> bool {
     let transient = ["DoesNotExist", "HangsInCreation", "IsMarkedForDestruction"];
-    matches!(error, ChannelError::Service { reason, .. }
-        if transient.iter().any(|word| reason.contains(word)))
+    has_no_place(error)
+        || matches!(error, ChannelError::Service { reason, .. }
+            if transient.iter().any(|word| reason.contains(word)))
+}
+
+/// As many as a service takes are in it already.
+fn has_no_place(error: &ChannelError) -> bool {
+    matches!(error, ChannelError::Service { reason, .. } if reason.contains("ExceedsMaxSupported"))
 }
