@@ -23,7 +23,10 @@ fn tested_elsewhere(arguments: &[&str]) -> Option<&'static str> {
         ["bench", ..] => Some("tests/bench.rs"),
         ["soak", ..] => Some("tests/soak.rs"),
         // There is no fault to end.
-        ["rearm", ..] => Some("tests/rearm.rs"),
+        ["rearm" | "hold", ..] => Some("tests/rearm.rs"),
+        // It wants a terminal; the other one does not end.
+        ["watch", "--cell", _] => Some("src/watch/terminal.rs"),
+        ["watch", "--cell", _, "--serve"] => Some("tests/watch.rs"),
         _ => None,
     }
 }
@@ -221,7 +224,17 @@ fn is_mention(arguments: &[&str]) -> bool {
 #[test]
 fn documents_say_what_works() {
     let bench = Bench::new();
-    bench.ok(&["learn", "pancake", "--seed", "7", "--rollouts", "25", "--out", "learnt"]);
+    bench.ok(&[
+        "learn",
+        "pancake",
+        "--seed",
+        "7",
+        "--rollouts",
+        "25",
+        "--out",
+        "learnt",
+        "--record",
+    ]);
     let learnt = bench.path("learnt");
     let mut run = 0;
     for document in documents(Path::new(env!("CARGO_MANIFEST_DIR"))) {

@@ -120,3 +120,35 @@ fn a_session_waits_for_the_rearm_and_comes_out_the_same() {
     bench.ok(&undisturbed);
     assert_eq!(bits(&bench.trials("s")), bits(&bench.trials("undisturbed")));
 }
+
+/// A hold is a person's latch: over a kill of the controller, until a person ends it.
+#[test]
+fn a_hold_lasts_until_the_rearm_and_changes_no_trial() {
+    let bench = Bench::new();
+    let start = || bench.start(&["controller", "--cell", "c1", "--pace", "max"]);
+    let controller = start();
+    let config = bench.write("c.toml", "[learner]\nrollouts = 25\nseed = 3\n");
+    let learner = ["learner", "--cell", "c1", "--session", "s", "--config"];
+    let learner = bench.start(&[&learner[..], &[config.to_str().unwrap()]].concat());
+    bench.wait_for_trials("s", 5);
+    assert!(bench.ok(&["hold", "--cell", "c1"]).contains("held until"));
+    let is_held = || {
+        let output = bench.run(&["status", "--cell", "c1", "--json"]);
+        let status: Value = serde_json::from_slice(&output.stdout).ok()?;
+        (status["latched_fault"] == "somebody asked for the hold").then_some(())
+    };
+    eventually("the hold", is_held);
+    controller.signal("KILL");
+    controller.wait();
+    let _controller = start();
+    eventually("the hold of before", is_held);
+    let n = bench.trials("s").len();
+    std::thread::sleep(std::time::Duration::from_millis(500));
+    assert_eq!(bench.trials("s").len(), n, "the learner waits");
+    eventually("a re-arm", || bench.run(&["rearm", "--cell", "c1"]).status.success().then_some(()));
+    assert!(learner.wait().status.success());
+    let undisturbed =
+        ["learn", "pancake", "--seed", "3", "--rollouts", "25", "--out", "undisturbed"];
+    bench.ok(&undisturbed);
+    assert_eq!(bits(&bench.trials("s")), bits(&bench.trials("undisturbed")));
+}

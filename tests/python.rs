@@ -1,0 +1,71 @@
+//! Python reads what Skillet writes and tells, with packages that know nothing of Skillet.
+//!
+//! With SKILLET_PYTHON (an interpreter that has the packages, as `.ci/run` prepares it) these tests must
+//! run; without it and without the packages they say that they have shown nothing.
+
+mod util;
+
+use std::path::Path;
+use std::process::Command;
+
+use serde_json::Value;
+use util::{Bench, eventually, stderr};
+
+/// An interpreter with `package`, if there is one.
+fn python_with(package: &str) -> Option<String> {
+    let named = std::env::var("SKILLET_PYTHON").ok();
+    let python = named.clone().unwrap_or_else(|| "python3".into());
+    let import = Command::new(&python).args(["-c", &format!("import {package}")]).output();
+    let has_package = import.is_ok_and(|output| output.status.success());
+    assert!(has_package || named.is_none(), "{python} lacks the package {package}");
+    if !has_package {
+        eprintln!("nothing shown: {python} has no package {package}");
+    }
+    has_package.then_some(python)
+}
+
+fn script(name: &str) -> std::path::PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(name)
+}
+
+#[test]
+fn the_reference_reader_reads_a_recording() {
+    let Some(python) = python_with("mcap_protobuf") else { return };
+    let bench = Bench::new();
+    bench.ok(&["learn", "pancake", "--rollouts", "2", "--out", "s", "--record"]);
+    let recording = bench.path("s/recording.mcap");
+    let output =
+        Command::new(&python).arg(script("tests/read_recording.py")).arg(recording).output();
+    let output = output.unwrap();
+    assert!(output.status.success(), "{}", stderr(&output));
+    let read: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let trials = bench.trials("s");
+    let n_records: u64 = trials.iter().map(|trial| trial.n_records).sum();
+    assert_eq!(read["ticks"], n_records);
+    assert_eq!(read["gaps"], 0);
+    assert_eq!(read["apex_m"][1], trials[1].outcome.apex_m);
+    assert_eq!(read["rewards"][1], trials[1].reward);
+    assert_eq!(read["frames"].as_array().unwrap().len(), 9, "seven joints, pan and pancake");
+    assert_eq!(read["attachments"], serde_json::json!(["arm.urdf", "session.toml"]));
+}
+
+#[test]
+fn a_subscriber_in_python_sees_the_loop() {
+    let Some(python) = python_with("iceoryx2") else { return };
+    let bench = Bench::new();
+    let _controller = bench.start(&["controller", "--cell", "c1", "--pace", "realtime"]);
+    eventually("a controller", || {
+        (bench.run(&["status", "--cell", "c1"]).status.code() != Some(1)).then_some(())
+    });
+    let output = Command::new(&python)
+        .arg(script("examples/live.py"))
+        .args(["c1", "2"])
+        .env("SKILLET_RUNTIME_DIR", bench.path("run"))
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", stderr(&output));
+    let text = String::from_utf8(output.stdout).unwrap();
+    let seen: u64 = text.lines().last().unwrap().split(' ').next().unwrap().parse().unwrap();
+    assert!(seen > 500, "{text}");
+    assert!(text.contains("pan at [0.7"), "the layouts agree: {text}");
+}
