@@ -268,3 +268,35 @@ fn services_that_dead_processes_have_filled_are_made_anew() {
     bench.ok(&["learn", "pancake", "--seed", "3", "--rollouts", "40", "--out", "undisturbed"]);
     assert_eq!(bits(&bench.trials("s")), bits(&bench.trials("undisturbed")));
 }
+
+/// A process killed between creating a segment and giving it a size leaves an empty one, for which the
+/// transport would wait for ever: the learner that follows must come up all the same, and the
+/// controller go on.
+#[test]
+fn a_stillborn_connection_of_a_dead_learner_stops_nobody() {
+    let bench = Bench::new();
+    let _controller = bench.start(&["controller", "--cell", "c1", "--pace", "max"]);
+    let config = bench.write("c.toml", "[learner]\nrollouts = 40\n");
+    let learner = ["learner", "--cell", "c1", "--session", "s", "--config"];
+    let learner = [&learner[..], &[config.to_str().unwrap()]].concat();
+    let first = bench.start(&learner);
+    bench.wait_for_trials("s", 3);
+    let cell = Cell::in_dir(&bench.path("run"), "c1").unwrap();
+    let mut stillborn = Vec::new();
+    for path in cell.traces() {
+        let name = path.display().to_string();
+        // …_<sender>_<receiver>.connection: the same sender, and a receiver that nobody is.
+        if let Some(name) = name.strip_suffix(".connection") {
+            stillborn.push(std::path::PathBuf::from(format!("{name}1.connection")));
+            std::fs::write(stillborn.last().unwrap(), "").unwrap();
+        }
+    }
+    assert!(stillborn.len() >= 2, "{:?}", cell.traces());
+    first.signal("KILL");
+    first.wait();
+    let second = bench.start(&learner).wait();
+    assert_eq!(second.status.code(), Some(0), "{}", util::stderr(&second));
+    assert_eq!(bench.trials("s").len(), 40);
+    assert!(stillborn.iter().all(|path| !path.exists()));
+    bench.ok(&["status", "--cell", "c1"]);
+}

@@ -241,6 +241,7 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
         let beat = Heartbeat { schema: SCHEMA, boot_id, counter, pinned, latched };
         let _ = self.ports.beat.send_copy(beat);
         self.report.flush(&self.ports);
+        self.ports.meet_newcomers();
     }
 
     /// Makes the services anew between two rollouts, when too much is stuck in the old ones: the next

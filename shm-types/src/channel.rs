@@ -18,6 +18,7 @@ use crate::cell::{Cell, CellError};
 use crate::command::{Command, Reply};
 use crate::episode::{EpisodeHeader, TickRecord};
 use crate::generation::Generation;
+use crate::janitor::Janitor;
 use crate::news::TRIAL_HISTORY;
 
 /// Loans cross threads (exchange → rt → exchange), hence the thread-safe variant.
@@ -89,6 +90,8 @@ pub(crate) struct Qos {
 pub(crate) struct Member {
     // Dropped first: it lives in the folder that the other one holds.
     pub node: Node<Ipc>,
+    /// Before the node is there, and until it is gone: both look at what the dead left.
+    _janitor: Janitor,
     pub generation: Generation,
 }
 
@@ -106,6 +109,7 @@ impl Member {
 
     fn of(cell: &Cell, generation: Generation) -> Result<Member, ChannelError> {
         set_log_level(LogLevel::Error);
+        let janitor = Janitor::start(generation.shm_prefix());
         let node = NodeBuilder::new()
             .config(&generation.ipc_config())
             // Signals belong to the process, not to its transport.
@@ -116,7 +120,7 @@ impl Member {
                 reason: format!("{e:?}"),
             })?;
         generation.close_to_others();
-        Ok(Member { node, generation })
+        Ok(Member { node, _janitor: janitor, generation })
     }
 }
 

@@ -67,6 +67,11 @@ impl Generation {
         (generation.root.is_dir() && generation.is_current()).then_some(generation)
     }
 
+    /// How the names of its shared memory begin.
+    pub fn shm_prefix(&self) -> &str {
+        &self.shm_prefix
+    }
+
     /// No newer one has been published.
     pub fn is_current(&self) -> bool {
         self.current.parent().and_then(read_current) == Some(self.number)

@@ -14,6 +14,7 @@ pub mod command;
 pub mod echo;
 pub mod episode;
 mod generation;
+mod janitor;
 pub mod news;
 mod observer;
 pub mod policy;

@@ -105,15 +105,18 @@ impl ControllerPorts {
         ControllerPorts::create(&self.cell)
     }
 
-    /// Frees what dead processes held, and what they left; also connects ports to newcomers. Returns
-    /// how many of the dead could not be cleared away.
+    /// Frees what dead processes held, and what they left. Returns how many of the dead could not be
+    /// cleared away.
     pub fn clean_up(&self) -> usize {
         let _ = self.member.node.try_cleanup_dead_nodes();
         sweep(&self.cell);
-        // A late subscriber gets the newest heartbeat only when its publisher acts.
+        self.member.generation.leaked()
+    }
+
+    /// Gives late subscribers what was sent before they came: that happens only when the publisher acts.
+    pub fn meet_newcomers(&self) {
         let _ = self.beat.update_connections();
         let _ = self.in_loop.update_connections();
-        self.member.generation.leaked()
     }
 }
 

@@ -19,6 +19,7 @@ use crate::{record, setup};
 
 /// How long a controller is waited for.
 const OPEN: Duration = Duration::from_secs(2);
+const NEWCOMER: Duration = Duration::from_millis(200);
 const SAY: Duration = Duration::from_secs(1);
 
 pub fn run(args: &RecordArgs) -> Result<Verdict> {
@@ -46,6 +47,8 @@ pub fn run(args: &RecordArgs) -> Result<Verdict> {
     let limits = Limits { max_bytes, by_rollout: args.by_rollout, object_always: false };
     let mut recorder = Recorder::new(scribe, &path, limits, record::attachments(config)?)?;
 
+    // The policy in the loop is told to newcomers ten times a second: it shall be known before the ticks.
+    std::thread::sleep(NEWCOMER);
     let bar =
         ProgressBar::new_spinner().with_style(ProgressStyle::with_template("{spinner} {msg}")?);
     let (start, mut said) = (Instant::now(), Instant::now());

@@ -134,7 +134,7 @@ pub fn recover_left(dir: &Path) -> Result<Vec<PathBuf>> {
         if flock(&file, FlockOperation::NonBlockingLockExclusive).is_err() {
             continue;
         }
-        let path = free(&path);
+        let path = first(&path, |path| !path.exists());
         recover(&left, &path)
             .with_context(|| format!("{}: cannot be recovered", left.display()))?;
         fs::remove_file(&left)?;
@@ -143,9 +143,12 @@ pub fn recover_left(dir: &Path) -> Result<Vec<PathBuf>> {
     Ok(recovered)
 }
 
-/// `path`, or the first free of `NAME-2.mcap`, `NAME-3.mcap` …
+/// `path`, or the first of `NAME-2.mcap`, `NAME-3.mcap` … that nobody has or writes.
 pub fn free(path: &Path) -> PathBuf {
-    let is_free = |path: &Path| !path.exists() && !part(path).exists();
+    first(path, |path| !path.exists() && !part(path).exists())
+}
+
+fn first(path: &Path, is_free: impl Fn(&Path) -> bool) -> PathBuf {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let numbered = (2..).map(|n| path.with_file_name(format!("{stem}-{n}.mcap")));
     let mut paths = std::iter::once(path.to_path_buf()).chain(numbered);

@@ -92,7 +92,9 @@ impl Recorder {
         }
         if !self.is_drawn {
             self.scribe.set_now(at_ns);
-            self.scribe.policies_again();
+            if !self.finished.is_empty() {
+                self.scribe.policies_again();
+            }
             self.scribe.bodies();
             self.is_drawn = true;
         }
