@@ -89,7 +89,7 @@ fn a_learnt_session_is_recorded_tick_by_tick() {
     for tick in &ticks {
         assert!(tick.phase >= 2 && tick.q_rad.len() == 7 && tick.tick_ns.is_none());
         let sum: f32 = tick.activations.iter().sum();
-        assert!((sum - 1.0).abs() < 0.02, "activations sum to {sum}");
+        assert!((sum - 1.0).abs() < 0.03, "activations sum to {sum}");
         assert_eq!(tick.stiffness_per_s2.len(), 10, "of four learnt coordinates");
         assert!(tick.stiffness_per_s2[0] > 1.0);
     }

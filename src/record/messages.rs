@@ -1,7 +1,7 @@
 //! Messages of our own in a recording, as Protocol Buffers; units are in the names of the fields.
 //!
-//! Every file carries their schema. Numbers of a tick are rounded to a binary grid far below what
-//! any sensor resolves: random low bits are most of what a compressor cannot compress.
+//! Every file carries their schema. Numbers of a tick are rounded to a binary grid below what such an
+//! arm can be controlled to: random low bits are most of what a compressor cannot compress.
 
 use prost_types::DescriptorProto;
 use shm_types::episode::{
@@ -13,14 +13,14 @@ use shm_types::telemetry::TelemetryTick;
 use super::loop_policy::LoopPolicy;
 use super::schema::recorded;
 
-/// Resolutions as negative powers of two: 2⁻¹⁵ rad (31 µrad), 2⁻⁹ rad/s, 2⁻⁶ N·m, 2⁻¹⁵ m and rad
-/// (31 µm), 2⁻¹³ of an attractor, 2⁻⁸ of an activation, 2⁻¹ s⁻².
-const POSITION_BITS: i32 = 15;
-const SPEED_BITS: i32 = 9;
-const TORQUE_BITS: i32 = 6;
-const POSE_BITS: i32 = 15;
-const ATTRACTOR_BITS: i32 = 13;
-const ACTIVATION_BITS: i32 = 8;
+/// Resolutions as negative powers of two: 2⁻¹⁴ rad (61 µrad), 2⁻⁸ rad/s, 2⁻⁵ N·m, 2⁻¹⁴ m and rad (61 µm);
+/// coarser what follows from policy and time: 2⁻¹¹ of an attractor, 2⁻⁷ of an activation, 2⁻¹ s⁻².
+const POSITION_BITS: i32 = 14;
+const SPEED_BITS: i32 = 8;
+const TORQUE_BITS: i32 = 5;
+const POSE_BITS: i32 = 14;
+const ATTRACTOR_BITS: i32 = 11;
+const ACTIVATION_BITS: i32 = 7;
 const STIFFNESS_BITS: i32 = 1;
 
 /// Ticks are timed in steps of this length.

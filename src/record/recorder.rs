@@ -10,9 +10,9 @@ use super::messages::{Mixture, Trial};
 use super::scribe::{Detail, Scribe};
 use super::watcher::Seen;
 
-/// Frames every so many ticks, 50 Hz at 1 kHz; stiffness and attractor as a drawing less often.
-const FRAMES_EVERY: u64 = 20;
-const SPRINGS_EVERY: u64 = 40;
+/// Frames every so many ticks, 33 Hz at 1 kHz; stiffness and attractor as a drawing less often.
+const FRAMES_EVERY: u64 = 30;
+const SPRINGS_EVERY: u64 = 60;
 const APPROACH: u32 = 1;
 
 /// Name, media type and text of what is attached to every file: configuration and arm.
