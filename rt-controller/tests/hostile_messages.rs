@@ -9,9 +9,11 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use shm_types::SCHEMA;
 use shm_types::command::{
-    AT_NOW, COMMAND_REARM, COMMAND_STATUS, Command, REASON_LEN, Reply, Status,
+    AT_NOW, COMMAND_HOLD, COMMAND_STATUS, Command, REASON_LEN, Reply, Status,
 };
 use shm_types::episode::{EpisodeHeader, TickRecord};
+use shm_types::news::{MAX_MODES, TrialNews};
+use shm_types::telemetry::{TELEMETRY_TICKS, Telemetry};
 
 const FEW: u64 = 100_000;
 const RECORDS: usize = 3;
@@ -24,7 +26,7 @@ fn a_command_that_is_taken_is_one() {
     for _ in 0..sent {
         let mut command: Command = noise(&mut rng);
         if rng.random_bool(0.8) {
-            let kind = rng.random_range(COMMAND_STATUS - 1..=COMMAND_REARM + 1);
+            let kind = rng.random_range(COMMAND_STATUS - 1..=COMMAND_HOLD + 1);
             command = Command { at: rng.random_range(0..3), ..Command::new(kind, 7) };
         }
         if rng.random() {
@@ -33,7 +35,7 @@ fn a_command_that_is_taken_is_one() {
         if command.validate().is_ok() {
             taken += 1;
             assert_eq!(command.schema, SCHEMA);
-            assert!(command.kind >= COMMAND_STATUS && command.kind <= COMMAND_REARM);
+            assert!(command.kind >= COMMAND_STATUS && command.kind <= COMMAND_HOLD);
             assert!(command.at <= AT_NOW);
         }
     }
@@ -83,4 +85,27 @@ fn an_episode_that_is_taken_holds_numbers_only() {
         }
     }
     assert!(taken * 3 > sent && taken < sent, "{taken} of {sent}");
+}
+
+#[test]
+fn what_observers_are_told_can_always_be_read() {
+    let mut rng = ChaCha8Rng::seed_from_u64(4);
+    let mut believed = 0;
+    for _ in 0..FEW / 10 {
+        let mut sample: Telemetry = noise(&mut rng);
+        if rng.random() {
+            sample.schema = SCHEMA;
+        }
+        assert!(sample.ticks().len() <= TELEMETRY_TICKS);
+        let mut news: TrialNews = noise(&mut rng);
+        if rng.random() {
+            (news.schema, news.n_modes) = (SCHEMA, rng.random_range(0..2 * MAX_MODES as u64));
+        }
+        if let Ok(modes) = news.validate() {
+            believed += 1;
+            assert!(news.reward.is_finite() && modes.len() <= MAX_MODES);
+            assert!(modes.iter().all(|mode| mode.prior.is_finite()));
+        }
+    }
+    assert!(believed > 0);
 }
