@@ -163,10 +163,10 @@ fn places_that_cannot_be_written_are_named() {
 #[test]
 fn a_full_disk_stops_the_session_without_losing_what_it_had() {
     let bench = Bench::new();
-    bench.ok(&["learn", "pancake", "--seed", "1", "--rollouts", "3", "--out", "s"]);
+    bench.ok(&["learn", "pancake", "--seed", "1", "--rollouts", "25", "--out", "s"]);
     let before = bits(&bench.trials("s"));
     let config = bench.path("s/session.toml");
-    fs::write(&config, util::text(&config).replace("rollouts = 3", "rollouts = 40")).unwrap();
+    fs::write(&config, util::text(&config).replace("rollouts = 25", "rollouts = 60")).unwrap();
     let _controller = bench.start(&["controller", "--cell", "full", "--pace", "max"]);
 
     // To a process, a limit on the size of its files is a full disk.
@@ -186,8 +186,8 @@ fn a_full_disk_stops_the_session_without_losing_what_it_had() {
     assert!(message.contains("session.db") && message.contains("space"), "{message}");
 
     let after = bits(&bench.trials("s"));
-    assert_eq!(after[..3], before[..]);
-    bench.ok(&["learn", "pancake", "--rollouts", "40", "--out", "s"]);
-    bench.ok(&["learn", "pancake", "--seed", "1", "--rollouts", "40", "--out", "undisturbed"]);
+    assert_eq!(after[..25], before[..]);
+    bench.ok(&["learn", "pancake", "--rollouts", "60", "--out", "s"]);
+    bench.ok(&["learn", "pancake", "--seed", "1", "--rollouts", "60", "--out", "undisturbed"]);
     assert_eq!(bits(&bench.trials("s")), bits(&bench.trials("undisturbed")));
 }

@@ -90,7 +90,7 @@ fn viewers_get_at_most_fifty_pictures_a_second() {
     let subscribe = json!({ "op": "subscribe", "subscriptions": subscriptions });
     socket.send(Message::text(subscribe.to_string())).unwrap();
 
-    let (start, mut counts) = (Instant::now(), [0; 5]);
+    let (start, mut counts) = (Instant::now(), [0_u32; 5]);
     while start.elapsed() < Duration::from_secs(3) {
         if let Message::Binary(data) = socket.read().unwrap()
             && data[0] == 1
@@ -103,6 +103,9 @@ fn viewers_get_at_most_fifty_pictures_a_second() {
     }
     let [frames, ticks, bodies, springs, joints] = counts;
     assert!((30..=160).contains(&frames), "{frames} in 3 s");
-    assert_eq!((ticks, springs, joints), (frames, frames, frames));
+    // The last picture may be cut in two.
+    for others in [ticks, springs, joints] {
+        assert!(frames.abs_diff(others) <= 1, "{counts:?}");
+    }
     assert!(bodies >= 1, "also for those who come late");
 }

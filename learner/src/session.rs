@@ -139,8 +139,7 @@ impl Link {
                     Ok(report) => {
                         self.set_aside_in_a_row = 0;
                         let (header, records) = (episode.user_header(), episode.payload());
-                        let records = &records[..header.n_records as usize];
-                        on_event(Event::Executed { policy, header, records });
+                        on_event(Event::executed(policy, header, records));
                         return Ok(Some(report));
                     }
                     // An operator's or the machine's doing, as often as it comes: no attempt of ours.
@@ -177,9 +176,6 @@ impl Link {
                 return Ok(None);
             }
             let restarted = self.look_around(on_event)?;
-            if restarted {
-                self.news.all(&self.ports, learner);
-            }
             if self.is_pinned || self.latched != 0 {
                 asked = Instant::now(); // it waits for its turn
             }
@@ -191,6 +187,7 @@ impl Link {
             if let Some(reason) = reason {
                 on_event(Event::AskedAgain { rollout: policy.rollout, reason });
                 self.acknowledge(learner);
+                self.news.all(&self.ports, learner);
                 self.publish(policy)?;
                 asked = Instant::now();
             }

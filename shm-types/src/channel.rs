@@ -238,7 +238,7 @@ pub(crate) const OUTCOME_QOS: Qos =
     Qos { history: 1, buffer: 16, publishers: PLACES, subscribers: 16 };
 /// Who comes late sees the reward curve all the same.
 pub(crate) const TRIAL_QOS: Qos =
-    Qos { history: TRIAL_HISTORY, buffer: TRIAL_HISTORY, publishers: PLACES, subscribers: 16 };
+    Qos { history: TRIAL_HISTORY, buffer: TRIAL_HISTORY, publishers: PLACES, subscribers: 8 };
 pub(crate) const BEAT_QOS: Qos = Qos { history: 1, buffer: 2, publishers: PLACES, subscribers: 16 };
 
 pub(crate) fn publisher<T: core::fmt::Debug + ZeroCopySend>(

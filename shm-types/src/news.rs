@@ -6,7 +6,7 @@ use thiserror::Error;
 use crate::SCHEMA;
 
 /// Trials that an observer gets when it comes.
-pub const TRIAL_HISTORY: usize = 256;
+pub const TRIAL_HISTORY: usize = 128;
 /// Modes in one message: those with the largest priors.
 pub const MAX_MODES: usize = 8;
 

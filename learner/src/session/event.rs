@@ -46,6 +46,18 @@ pub enum Event<'a> {
     },
 }
 
+impl<'a> Event<'a> {
+    /// Of a checked episode.
+    pub(super) fn executed(
+        policy: &'a PolicyMsg,
+        header: &'a EpisodeHeader,
+        records: &'a [TickRecord],
+    ) -> Event<'a> {
+        let records = &records[..records.len().min(header.n_records as usize)];
+        Event::Executed { policy, header, records }
+    }
+}
+
 /// How the loop ended without an error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum End {
