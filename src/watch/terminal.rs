@@ -49,7 +49,7 @@ pub fn run(
             }
             if drawn.is_none_or(|drawn| drawn.elapsed() >= FRAME) {
                 drawn = Some(Instant::now());
-                terminal.draw(|frame| view::draw(frame, &model, &watcher, &prompt))?;
+                terminal.draw(|frame| view::draw(frame, &model, watcher.lost, &prompt))?;
             }
             let mut goes_on = true;
             while goes_on && event::poll(Duration::ZERO)? {

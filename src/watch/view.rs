@@ -5,14 +5,13 @@ use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style, Stylize};
 use ratatui::symbols::Marker;
 use ratatui::text::{Line, Span};
-use ratatui::widgets::{Axis, Block, Chart, Dataset, GraphType, Paragraph, Row, Table};
+use ratatui::widgets::{Axis, Block, Chart, Dataset, GraphType, Paragraph, Row, Table, Wrap};
 use rt_controller::fault::Fault;
 use shm_types::command::Status;
 
 use super::terminal::Prompt;
 use super::{Model, Percentiles};
 use crate::health::{self, Health};
-use crate::record::watcher::Watcher;
 
 const PHASES: [&str; 4] = ["idle", "approach", "execute", "settle"];
 const MODE_COLUMNS: [Constraint; 5] = [
@@ -23,18 +22,22 @@ const MODE_COLUMNS: [Constraint; 5] = [
     Constraint::Min(9),
 ];
 
-pub fn draw(frame: &mut Frame, model: &Model, watcher: &Watcher, prompt: &Prompt) {
+/// `lost` ticks were not seen.
+pub fn draw(frame: &mut Frame, model: &Model, lost: u64, prompt: &Prompt) {
     let modes = model.modes.len().max(1) as u16 + 3;
     let notes = model.notes.len() as u16;
+    // What a person is to do must not be cut off.
+    let inner = frame.area().width.saturating_sub(2).max(1);
+    let found = findings(model).map_or(0, |text| (text.len() as u16).div_ceil(inner));
     let rows = Layout::vertical([
-        Constraint::Length(7),
+        Constraint::Length(7 + found),
         Constraint::Min(6),
         Constraint::Length(modes.min(8)),
         Constraint::Length(notes),
         Constraint::Length(1),
     ]);
     let [top, curve, table, noted, bottom] = rows.areas(frame.area());
-    frame.render_widget(state(model, watcher), top);
+    frame.render_widget(state(model, lost), top);
     reward(frame, model, curve);
     frame.render_widget(modes_table(model), table);
     let lines: Vec<Line> = model.notes.iter().map(|note| Line::from(note.as_str()).dim()).collect();
@@ -66,19 +69,25 @@ fn bottom_line(prompt: &Prompt) -> Line<'static> {
     }
 }
 
-fn state(model: &Model, watcher: &Watcher) -> Paragraph<'static> {
+/// Why the cell is not well.
+fn findings(model: &Model) -> Option<String> {
+    let (_, findings) = health::of(model.status.as_ref()?);
+    (!findings.is_empty()).then(|| findings.join("; "))
+}
+
+fn state(model: &Model, lost: u64) -> Paragraph<'static> {
     let title = Line::from(vec![" cell ".into(), model.cell.clone().bold(), " ".into()]);
     let block = Block::bordered().title(title);
     let lines = match &model.status {
-        Some(status) => known(model, watcher, status),
+        Some(status) => known(model, lost, status),
         None if model.is_there => vec!["asking the controller …".into()],
         None => vec!["no controller; waiting for one".yellow().into()],
     };
-    Paragraph::new(lines).block(block)
+    Paragraph::new(lines).block(block).wrap(Wrap { trim: true })
 }
 
-fn known(model: &Model, watcher: &Watcher, status: &Status) -> Vec<Line<'static>> {
-    let (health, findings) = health::of(status);
+fn known(model: &Model, lost: u64, status: &Status) -> Vec<Line<'static>> {
+    let (health, _) = health::of(status);
     let color = match health {
         Health::Ok => Color::Green,
         Health::Degraded => Color::Yellow,
@@ -100,11 +109,10 @@ fn known(model: &Model, watcher: &Watcher, status: &Status) -> Vec<Line<'static>
         0 => Span::from("none"),
         code => Fault::describe(code as u32).red().bold(),
     };
-    vec![
+    let mut lines = vec![
         Line::from(vec![
             health.name().fg(color).bold(),
-            format!("  {pace}  tick {}  {phase}  ", model.last.record.tick).into(),
-            findings.join("; ").fg(color),
+            format!("  {pace}  tick {}  {phase}", model.last.record.tick).into(),
         ]),
         times_line(
             "wake-up",
@@ -112,7 +120,7 @@ fn known(model: &Model, watcher: &Watcher, status: &Status) -> Vec<Line<'static>
             status.realtime == 1,
             &format!("  {} deadlines missed", model.last.missed),
         ),
-        times_line("tick   ", &tick, true, &format!("  {} ticks not seen", watcher.lost)),
+        times_line("tick   ", &tick, true, &format!("  {lost} ticks not seen")),
         Line::from(format!(
             "policy   in the loop {}  active {}{pinned}  last good {}",
             status.in_loop.describe(),
@@ -128,7 +136,12 @@ fn known(model: &Model, watcher: &Watcher, status: &Status) -> Vec<Line<'static>
             .into(),
             fault,
         ]),
-    ]
+    ];
+    // Second, so that a narrow terminal cuts off something else.
+    if let Some(text) = findings(model) {
+        lines.insert(1, Line::from(text).fg(color));
+    }
+    lines
 }
 
 fn times_line(name: &str, times: &Percentiles, is_known: bool, more: &str) -> Line<'static> {
@@ -209,4 +222,41 @@ fn modes_table(model: &Model) -> Table<'static> {
     Table::new(rows, MODE_COLUMNS)
         .header(header)
         .block(Block::bordered().title(" modes of the search "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ratatui::Terminal;
+    use ratatui::backend::TestBackend;
+    use shm_types::cell::Cell;
+    use shm_types::episode::FAULT_HELD;
+
+    fn drawn(model: &Model, prompt: &Prompt) -> String {
+        let mut terminal = Terminal::new(TestBackend::new(80, 24)).unwrap();
+        terminal.draw(|frame| draw(frame, model, 7, prompt)).unwrap();
+        let cells = terminal.backend().buffer().content().iter();
+        cells.map(ratatui::buffer::Cell::symbol).collect()
+    }
+
+    #[test]
+    fn a_person_reads_all_that_is_to_be_done() {
+        let mut model = Model::new(&Cell::new("view").unwrap());
+        assert!(drawn(&model, &Prompt::None).contains("asking the controller"));
+        model.status =
+            Some(Status { latched_fault: FAULT_HELD, learner_age_ns: 0, ..Status::ZERO });
+        let trial =
+            |rollout, reward| super::super::Trial { rollout, reward, success: reward > 1.0 };
+        model.trials.extend([trial(1, 0.5), trial(2, 1.5)]);
+        model.rollouts = 10;
+        let text = drawn(&model, &Prompt::None);
+        for part in
+            ["bad", "until", "rearm`", "7 ticks not seen", "best 1.500", "at rollout 2", "50 %"]
+        {
+            assert!(text.contains(part), "no '{part}' in: {text}");
+        }
+        assert!(drawn(&model, &Prompt::Number("12".into())).contains("policy number: 12"));
+        (model.status, model.is_there) = (None, false);
+        assert!(drawn(&model, &Prompt::None).contains("no controller"));
+    }
 }
