@@ -88,6 +88,12 @@ impl Service {
         let _ = self.child.wait();
     }
 
+    /// The child stands still, as one that is swapped out or held in a debugger.
+    pub fn stall(&self) -> Result<()> {
+        let pid = Pid::from_raw(self.child.id() as i32).context("a process has a number")?;
+        kill_process(pid, Signal::STOP).with_context(|| format!("stalling the {}", self.name))
+    }
+
     /// Ends the child in order, or by force when it does not react.
     pub fn stop(&mut self) -> Result<ExitStatus> {
         if let Some(status) = self.exited()? {

@@ -1,15 +1,19 @@
-//! The controller's Prometheus endpoint: the numbers of `skillet status`, as text, on loopback.
+//! The controller's Prometheus endpoint: the numbers of `skillet status` and how the learning goes, as
+//! text, on loopback.
 //!
-//! It asks the controller like any other tool, from a thread of its own: whoever scrapes it, however
-//! often, is one more client of the cell and nothing to the loop.
+//! It asks the controller like any other tool, and listens to the learner like any observer, from a
+//! thread of its own: whoever scrapes it, however often, is one more client of the cell and nothing to
+//! the loop.
+
+mod learning;
 
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use crate::health;
 use anyhow::{Result, anyhow, bail};
+use learning::Learning;
 use prometheus_client::encoding::text::encode;
 use prometheus_client::metrics::counter::ConstCounter;
 use prometheus_client::metrics::gauge::ConstGauge;
@@ -18,6 +22,8 @@ use shm_types::cell::Cell;
 use shm_types::command::Status;
 use shm_types::ports::ToolPorts;
 use tiny_http::{Header, Method, Response, Server};
+
+use crate::health;
 
 /// A scraper waits a few seconds at most.
 const PATIENCE: Duration = Duration::from_secs(2);
@@ -41,9 +47,11 @@ impl Endpoint {
         let over = Arc::new(AtomicBool::new(false));
         let (cell, ends) = (cell.clone(), over.clone());
         let answer = move || {
+            let mut learning = Learning::of(&cell);
             while !ends.load(Ordering::Relaxed) {
+                learning.listen();
                 if let Ok(Some(request)) = server.recv_timeout(POLL) {
-                    answer(request, &cell);
+                    answer(request, &cell, &learning);
                 }
             }
         };
@@ -72,10 +80,10 @@ pub fn check(address: SocketAddr) -> Result<()> {
     Ok(())
 }
 
-fn answer(request: tiny_http::Request, cell: &Cell) {
+fn answer(request: tiny_http::Request, cell: &Cell, learning: &Learning) {
     let response = match (request.method(), request.url()) {
         (Method::Get, "/metrics") => match status(cell) {
-            Some(status) => text(&status, cell.name()),
+            Some(status) => text(registry(&status, learning, cell.name())),
             None => plain("the controller does not answer\n", 503),
         },
         (Method::Get, _) => plain("see /metrics\n", 404),
@@ -93,9 +101,9 @@ fn plain(text: &str, code: u16) -> Response<std::io::Cursor<Vec<u8>>> {
     Response::from_string(text).with_status_code(code)
 }
 
-fn text(status: &Status, cell: &str) -> Response<std::io::Cursor<Vec<u8>>> {
+fn text(registry: Registry) -> Response<std::io::Cursor<Vec<u8>>> {
     let mut text = String::new();
-    if encode(&mut text, &registry(status, cell)).is_err() {
+    if encode(&mut text, &registry).is_err() {
         return plain("the metrics cannot be written\n", 500);
     }
     let response = Response::from_string(text);
@@ -106,13 +114,13 @@ fn text(status: &Status, cell: &str) -> Response<std::io::Cursor<Vec<u8>>> {
 }
 
 /// Every number with its name, for one answer.
-fn registry(status: &Status, cell: &str) -> Registry {
+fn registry(status: &Status, learning: &Learning, cell: &str) -> Registry {
     let label = ("cell".into(), cell.to_string().into());
     let mut registry = Registry::with_prefix_and_labels("skillet", [label].into_iter());
     for (name, help, count) in counters(status) {
         registry.register(name, help, ConstCounter::<u64>::new(count));
     }
-    for (name, help, value) in gauges(status) {
+    for (name, help, value) in gauges(status).into_iter().chain(learning.gauges()) {
         registry.register(name, help, ConstGauge::<f64>::new(value));
     }
     for (name, help, ns) in durations(status) {
@@ -156,7 +164,7 @@ fn gauges(status: &Status) -> [(&'static str, &'static str, f64); 10] {
     ]
 }
 
-/// ns; the age of a learner that was never heard is left out.
+/// ns; the silence of a learner is left out when there is none.
 fn durations(status: &Status) -> Vec<(&'static str, &'static str, u64)> {
     let mut durations = vec![
         ("period", "Length of a tick", status.period_ns),
@@ -191,8 +199,9 @@ mod tests {
     #[test]
     fn the_text_is_what_prometheus_reads() {
         let status = Status { tick: 7, wakeup_p99_ns: 30_000, ..Status::ZERO };
+        let nobody = Learning::of(&Cell::new("kitchen").unwrap());
         let mut text = String::new();
-        encode(&mut text, &registry(&status, "kitchen")).unwrap();
+        encode(&mut text, &registry(&status, &nobody, "kitchen")).unwrap();
         for line in [
             "# TYPE skillet_ticks counter",
             "skillet_ticks_total{cell=\"kitchen\"} 7",
@@ -202,6 +211,6 @@ mod tests {
             assert!(text.lines().any(|found| found == line), "no `{line}` in:\n{text}");
         }
         assert!(text.ends_with("# EOF\n"));
-        assert!(!text.contains("learner_silence"), "never heard");
+        assert!(!text.contains("learner_silence") && !text.contains("reward"), "never heard");
     }
 }

@@ -59,7 +59,8 @@ fn status_tells_what_a_controller_does_and_that_there_is_none() {
         status(&bench).filter(|status| status["unacknowledged_episodes"] == 0)
     });
     assert_eq!(done["rollouts_done"], 3);
-    assert!(done["learner_age_s"].is_number());
+    let left = eventually("farewell", || status(&bench).filter(|s| s["learner_age_s"].is_null()));
+    assert_eq!(left["health"], "ok", "a learner that ended in order is not missed");
     assert!(done["applied_tick"].as_u64().unwrap() > 0);
 
     controller.signal("TERM");
@@ -231,6 +232,15 @@ fn metrics_are_offered_on_loopback_when_asked_for_and_a_hangup_sets_the_log_leve
     assert!(metrics.starts_with("HTTP/1.0 200"), "{metrics}");
     assert!(metrics.contains("skillet_rollouts_total{cell=\"c1\"} 0"), "{metrics}");
     assert!(get("/").starts_with("HTTP/1.0 404"));
+    assert!(!metrics.contains("skillet_reward"), "nobody learns: {metrics}");
+    let few = bench.write("few.toml", "[learner]\nrollouts = 8\n");
+    let learner = ["learner", "--cell", "c1", "--session", "s", "--config"];
+    bench.ok(&[&learner[..], &[few.to_str().unwrap()]].concat());
+    let last = bench.trials("s").pop().unwrap();
+    let reward = format!("skillet_reward{{cell=\"c1\"}} {}", last.reward);
+    let told = || Some(get("/metrics")).filter(|metrics| metrics.contains(&reward));
+    let metrics = eventually("the last reward", told);
+    assert!(metrics.contains("skillet_session_trials{cell=\"c1\"} 8"), "{metrics}");
 
     bench.write("c.toml", &text("info"));
     kill(controller.pid(), "HUP");

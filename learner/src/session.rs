@@ -47,22 +47,9 @@ pub fn run(
     on_event: &mut dyn FnMut(Event<'_>),
 ) -> Result<End, SessionError> {
     let mut link = Link::new(ports, is_patient);
-    // The last acknowledgement of an earlier run may have been lost with its process.
-    link.acknowledge(learner);
-    link.news.all(&link.ports, learner);
-    while !learner.is_done() {
-        let Some(policy) = link.stored(stop, on_event, || learner.next_policy())? else {
-            return Ok(End::Stopped);
-        };
-        link.publish(&policy)?;
-        let Some(report) = link.await_trial(learner, &policy, stop, on_event)? else {
-            return Ok(End::Stopped);
-        };
-        link.acknowledge(learner);
-        on_event(Event::Trial(report));
-        link.news.trial(&link.ports, learner, on_event);
-    }
-    Ok(End::Done)
+    let end = link.learn(learner, stop, on_event)?;
+    link.beat(true);
+    Ok(end)
 }
 
 /// The learner's side of the cell, with what is known of the other side.
@@ -99,6 +86,31 @@ impl Link {
             set_aside_in_a_row: 0,
             news: News::default(),
         }
+    }
+
+    /// Trial after trial, until the session is done or stopped.
+    fn learn(
+        &mut self,
+        learner: &mut Learner,
+        stop: &AtomicBool,
+        on_event: &mut dyn FnMut(Event<'_>),
+    ) -> Result<End, SessionError> {
+        // The last acknowledgement of an earlier run may have been lost with its process.
+        self.acknowledge(learner);
+        self.news.all(&self.ports, learner);
+        while !learner.is_done() {
+            let Some(policy) = self.stored(stop, on_event, || learner.next_policy())? else {
+                return Ok(End::Stopped);
+            };
+            self.publish(&policy)?;
+            let Some(report) = self.await_trial(learner, &policy, stop, on_event)? else {
+                return Ok(End::Stopped);
+            };
+            self.acknowledge(learner);
+            on_event(Event::Trial(report));
+            self.news.trial(&self.ports, learner, on_event);
+        }
+        Ok(End::Done)
     }
 
     fn publish(&self, policy: &PolicyMsg) -> Result<(), SessionError> {

@@ -74,13 +74,13 @@ impl LearnerLink {
         self.reported.rollout.saturating_sub(confirmed)
     }
 
-    /// Age of the last heartbeat.
+    /// Age of the last heartbeat of a learner that did not take its leave.
     pub fn age(&self) -> Option<Duration> {
-        self.seen.map(|(_, seen)| seen.elapsed())
+        self.seen.filter(|(beat, _)| beat.leaving == 0).map(|(_, seen)| seen.elapsed())
     }
 
     /// No learner was heard for `after`.
     pub fn is_absent(&self, after: Duration) -> bool {
-        self.age().unwrap_or_else(|| self.started.elapsed()) >= after
+        self.seen.map_or(self.started, |(_, seen)| seen).elapsed() >= after
     }
 }

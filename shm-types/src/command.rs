@@ -101,7 +101,8 @@ message! {
         pub spool_full: u64,
         /// Episodes sent whose durability the learner has not confirmed.
         pub unacknowledged: u64,
-        /// Age of the learner's last heartbeat; `u64::MAX` when none was ever seen.
+        /// Age of the learner's last heartbeat; `u64::MAX` without a learner: none was ever seen, or it
+        /// ended in order.
         pub learner_age_ns: u64,
         pub deadline_misses: u64,
         pub wakeup_p50_ns: u64,

@@ -36,7 +36,7 @@ message! {
 
 message! {
     /// "I am alive": a counter; its age tells.
-    pub struct Heartbeat as "skillet/Heartbeat/3" {
+    pub struct Heartbeat as "skillet/Heartbeat/4" {
         pub schema: u64,
         pub boot_id: u64,
         pub counter: u64,
@@ -44,6 +44,8 @@ message! {
         pub pinned: u64,
         /// Of a controller: the machine fault that holds the arm until it is re-armed, or 0.
         pub latched: u64,
+        /// Of a learner: 1 in its last one, when it ends in order.
+        pub leaving: u64,
     }
 }
 

@@ -134,7 +134,7 @@ fn as_text(cell: &Cell, status: &Status, faults_dir: &Path) -> String {
     };
     let learner = match learner_age_s(status) {
         Some(age) => format!("last heartbeat {age:.1} s ago"),
-        None => "never seen".into(),
+        None => "none".into(),
     };
     let mut text = format!(
         "cell        {}\npace        {pace}, period {} µs\nphase       {}, tick {}, fault: {}\n\

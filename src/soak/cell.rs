@@ -66,6 +66,13 @@ impl SoakCell {
         self.start("learner", seed, &[OsStr::new("--session"), folder.as_os_str()])
     }
 
+    /// `skillet watch`, which is told everything that a cell tells.
+    pub fn observer(&self) -> Result<Service> {
+        let arguments = ["watch", "--json", "--duration-s", "30", "--cell", self.cell.name()];
+        let log = self.dir.join("watch.log");
+        Service::start("watcher", &arguments.map(OsStr::new), log, Stdio::null())
+    }
+
     fn start(&self, verb: &'static str, seed: u64, more: &[&OsStr]) -> Result<Process> {
         let config = self.config(seed);
         let common = [verb, "--child", &self.parent, "--cell", self.cell.name(), "--config"];

@@ -22,9 +22,12 @@ use crate::bench::service::Commander;
 const PAUSE_MS: std::ops::Range<u64> = 20..300;
 /// A start takes about as long: a kill within it meets every stage, ms.
 const START_UP_MS: std::ops::Range<u64> = 0..40;
-/// Out of ten events: kills, swaps; the others are onlookers.
+/// How long an observer lives before it is killed, and how long it stalls before that, ms.
+const OBSERVED_MS: std::ops::Range<u64> = 0..150;
+/// Out of ten events: kills, swaps, onlookers; the others are observers that are killed.
 const KILLS: u32 = 6;
 const SWAPS: u32 = 8;
+const ONLOOKERS: u32 = 9;
 const SOON: Duration = Duration::from_secs(10);
 
 /// What was done to a role, and how it came back.
@@ -44,6 +47,8 @@ pub struct Tally {
     pub learner: RoleTally,
     pub swaps: u64,
     pub onlookers: u64,
+    /// Processes that watched, stalled or not, and were killed.
+    pub observers_killed: u64,
     pub sessions: u64,
     /// Sessions that are not those of an undisturbed run.
     pub different: u64,
@@ -131,7 +136,8 @@ impl<'a> Chaos<'a> {
         match self.rng.random_range(0..10) {
             event if event < KILLS => running = self.kill(number, running)?,
             event if event < SWAPS => self.swap()?,
-            _ => self.look_on()?,
+            event if event < ONLOOKERS => self.look_on()?,
+            _ => self.kill_observer()?,
         }
         Ok(running)
     }
@@ -217,6 +223,19 @@ impl<'a> Chaos<'a> {
         Ok(())
     }
 
+    /// A process that watches, half the time stops reading, and dies without a farewell.
+    fn kill_observer(&mut self) -> Result<()> {
+        let mut observer = self.cell.observer()?;
+        std::thread::sleep(self.random_ms(OBSERVED_MS));
+        if self.rng.random() {
+            observer.stall()?;
+            std::thread::sleep(self.random_ms(OBSERVED_MS));
+        }
+        observer.kill();
+        self.count(|tally| tally.observers_killed += 1);
+        Ok(())
+    }
+
     /// Compares the session with an undisturbed one, and the episodes with their log.
     fn settle_accounts(&mut self, number: u64, controller: &Process) -> Result<()> {
         let (folder, seed) = self.cell.session(number);
@@ -231,7 +250,7 @@ impl<'a> Chaos<'a> {
         let ledger = Ledger::of(&folder, &self.cell.dir.join("controller.log"))?;
         let held = match self.kills_controller {
             true => None,
-            false => Some(Held::by(controller.id())?),
+            false => Some(Held::at_rest(controller.id())?),
         };
         self.count(|tally| {
             tally.sessions += 1;

@@ -1,5 +1,7 @@
 //! What a process that nobody kills holds: memory and file descriptors.
 
+use std::time::{Duration, Instant};
+
 use anyhow::{Context, Result};
 
 use crate::bench::service::resident_mib;
@@ -9,6 +11,9 @@ const WARM_UP: f64 = 0.1;
 
 /// Looks in a quarter of a life that is long enough to tell.
 const MIN_LOOKS: usize = 5;
+
+/// A controller cleans up after the dead once a second.
+const REST: Duration = Duration::from_millis(1200);
 
 /// A look after every session.
 #[derive(Clone, Debug, Default)]
@@ -23,10 +28,22 @@ pub struct Held {
 }
 
 impl Held {
-    pub fn by(pid: u32) -> Result<Held> {
-        let files = std::fs::read_dir(format!("/proc/{pid}/fd")).context("counting its files")?;
-        Ok(Held { memory_mib: resident_mib(pid)?, files: files.count() })
+    /// Of a process whose clients have gone: the fewest files within [`REST`], after which it has
+    /// closed what it held of them.
+    pub fn at_rest(pid: u32) -> Result<Held> {
+        let until = Instant::now() + REST;
+        let mut files = open_files(pid)?;
+        while Instant::now() < until {
+            std::thread::sleep(REST / 20);
+            files = files.min(open_files(pid)?);
+        }
+        Ok(Held { memory_mib: resident_mib(pid)?, files })
     }
+}
+
+fn open_files(pid: u32) -> Result<usize> {
+    let files = std::fs::read_dir(format!("/proc/{pid}/fd")).context("counting its files")?;
+    Ok(files.count())
 }
 
 impl Footprint {

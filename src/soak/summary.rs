@@ -87,12 +87,14 @@ fn cell_text(tally: &Tally) -> String {
         );
     }
     text += &format!(
-        "  sessions    {}, {} different from an undisturbed one; {} swaps, {} onlookers\n\
+        "  sessions    {}, {} different from an undisturbed one; {} swaps, {} onlookers, \
+         {} observers killed\n\
          \x20 episodes    {} produced, {} learnt, {} duplicated, {} lost, {} foreign\n",
         tally.sessions,
         tally.different,
         tally.swaps,
         tally.onlookers,
+        tally.observers_killed,
         ledger.produced,
         ledger.learnt,
         ledger.duplicated,
@@ -138,6 +140,7 @@ fn cell_json(tally: &Tally) -> serde_json::Value {
         "sessions_different": tally.different,
         "swaps": tally.swaps,
         "onlookers": tally.onlookers,
+        "observers_killed": tally.observers_killed,
         "episodes": {
             "produced": ledger.produced,
             "learnt": ledger.learnt,

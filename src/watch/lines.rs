@@ -38,7 +38,7 @@ pub fn run(
 
 fn line(model: &Model, watcher: &Watcher) -> serde_json::Value {
     let (wakeup, tick) = model.times();
-    let best = model.best();
+    let (session, best) = (&model.session, model.session.best());
     json!({
         "cell": model.cell,
         "controller": if model.is_there { "running" } else { "absent" },
@@ -51,12 +51,12 @@ fn line(model: &Model, watcher: &Watcher) -> serde_json::Value {
         "wakeup_us": { "p50": wakeup.p50, "p99": wakeup.p99, "max": wakeup.max },
         "tick_us": { "p50": tick.p50, "p99": tick.p99, "max": tick.max },
         "policy_digest": format!("{:016x}", model.last.policy_digest),
-        "trials": model.trials.back().map_or(0, |trial| trial.rollout),
-        "rollouts": model.rollouts,
-        "last_reward": model.trials.back().map(|trial| trial.reward),
-        "best_reward": best.map(|trial| trial.reward),
-        "best_rollout": best.map(|trial| trial.rollout),
-        "success_last20": model.success_last20(),
-        "modes": model.modes.len(),
+        "trials": session.trials.back().map_or(0, |trial| trial.rollout),
+        "rollouts": session.rollouts,
+        "last_reward": session.trials.back().map(|trial| trial.reward),
+        "best_reward": best.map(|(_, reward)| reward),
+        "best_rollout": best.map(|(rollout, _)| rollout),
+        "success_last20": session.success_last20(),
+        "modes": session.modes.len(),
     })
 }

@@ -3,6 +3,7 @@
 mod keys;
 pub mod lines;
 pub mod serve;
+pub mod session;
 pub mod terminal;
 mod view;
 
@@ -14,12 +15,12 @@ use anyhow::Result;
 use hdrhistogram::Histogram;
 use shm_types::cell::Cell;
 use shm_types::command::Status;
-use shm_types::news::{ModeNews, TRIAL_SUCCESS, TrialNews};
 use shm_types::ports::ToolPorts;
 use shm_types::telemetry::TelemetryTick;
 
 use crate::cell::NamedCell;
 use crate::record::watcher::{Seen, Watcher};
+use session::WatchedSession;
 
 /// How long a controller is waited for.
 const OPEN: Duration = Duration::from_secs(2);
@@ -28,18 +29,9 @@ const ASK: Duration = Duration::from_millis(500);
 const TIMEOUT: Duration = Duration::from_millis(300);
 /// Percentiles are of the last windows of this length.
 const WINDOW: Duration = Duration::from_secs(5);
-/// Trials and notes remembered.
-const TRIALS: usize = 1000;
+/// Notes shown.
 const NOTES: usize = 4;
 const MAX_NS: u64 = 1_000_000_000;
-
-/// One trial in the reward curve.
-#[derive(Clone, Copy)]
-pub struct Trial {
-    pub rollout: u64,
-    pub reward: f64,
-    pub success: bool,
-}
 
 /// Wake-up and tick times of a window.
 struct Times {
@@ -60,11 +52,7 @@ pub struct Model {
     pub cell: String,
     pub status: Option<Status>,
     pub last: TelemetryTick,
-    pub trials: VecDeque<Trial>,
-    session: u64,
-    /// Rollouts the session is to have.
-    pub rollouts: u64,
-    pub modes: Vec<ModeNews>,
+    pub session: WatchedSession,
     /// Newest last.
     pub notes: VecDeque<String>,
     pub is_there: bool,
@@ -86,10 +74,7 @@ impl Model {
             cell: cell.name().into(),
             status: None,
             last: TelemetryTick::ZERO,
-            trials: VecDeque::new(),
-            session: 0,
-            rollouts: 0,
-            modes: Vec::new(),
+            session: WatchedSession::default(),
             notes: VecDeque::new(),
             is_there: true,
             current: Times::new(),
@@ -101,7 +86,7 @@ impl Model {
     pub fn take(&mut self, seen: &Seen) {
         match seen {
             Seen::Tick(tick, _) => self.take_tick(tick),
-            Seen::Trial(news) => self.take_trial(news),
+            Seen::Trial(news) => self.session.take(news),
             Seen::ControllerGone => {
                 (self.is_there, self.status) = (false, None);
                 self.note("the controller has gone; waiting for one".into());
@@ -132,26 +117,6 @@ impl Model {
         }
     }
 
-    fn take_trial(&mut self, news: &TrialNews) {
-        if news.session != self.session {
-            self.session = news.session;
-            self.trials.clear();
-            self.modes.clear();
-        }
-        self.rollouts = news.rollouts;
-        // What is told again, to a new controller's services, is known already.
-        if self.trials.back().is_none_or(|last| news.rollout > last.rollout) {
-            let success = news.has(TRIAL_SUCCESS);
-            self.trials.push_back(Trial { rollout: news.rollout, reward: news.reward, success });
-            if self.trials.len() > TRIALS {
-                self.trials.pop_front();
-            }
-        }
-        if let Some(modes) = news.validate().ok().filter(|modes| !modes.is_empty()) {
-            self.modes = modes.to_vec();
-        }
-    }
-
     fn percentiles_of_window(&self) -> (Percentiles, Percentiles) {
         let of = |histogram: &Histogram<u64>| {
             let us = |ns: u64| ns as f64 * 1e-3;
@@ -167,17 +132,6 @@ impl Model {
     /// Wake-up and tick of the last complete window, or of the first one so far.
     pub fn times(&self) -> (Percentiles, Percentiles) {
         self.shown.unwrap_or_else(|| self.percentiles_of_window())
-    }
-
-    pub fn best(&self) -> Option<Trial> {
-        self.trials.iter().copied().reduce(|a, b| if b.reward > a.reward { b } else { a })
-    }
-
-    /// Share of successes among the last 20 trials.
-    pub fn success_last20(&self) -> f64 {
-        let late = self.trials.iter().rev().take(20);
-        let n_late = late.len().max(1) as f64;
-        late.filter(|trial| trial.success).count() as f64 / n_late
     }
 }
 

@@ -9,6 +9,7 @@ use ratatui::widgets::{Axis, Block, Chart, Dataset, GraphType, Paragraph, Row, T
 use rt_controller::fault::Fault;
 use shm_types::command::Status;
 
+use super::session::Trial;
 use super::terminal::Prompt;
 use super::{Model, Percentiles};
 use crate::health::{self, Health};
@@ -24,7 +25,7 @@ const MODE_COLUMNS: [Constraint; 5] = [
 
 /// `lost` ticks were not seen.
 pub fn draw(frame: &mut Frame, model: &Model, lost: u64, prompt: &Prompt) {
-    let modes = model.modes.len().max(1) as u16 + 3;
+    let modes = model.session.modes.len().max(1) as u16 + 3;
     let notes = model.notes.len() as u16;
     // What a person is to do must not be cut off.
     let inner = frame.area().width.saturating_sub(2).max(1);
@@ -102,7 +103,7 @@ fn known(model: &Model, lost: u64, status: &Status) -> Vec<Line<'static>> {
     let (wakeup, tick) = model.times();
     let pinned = if status.pinned == 1 { " pinned" } else { "" };
     let learner = match status.learner_age_ns {
-        u64::MAX => "never seen".to_string(),
+        u64::MAX => "none".to_string(),
         age => format!("{:.1} s ago", age as f64 * 1e-9),
     };
     let fault = match status.latched_fault {
@@ -153,9 +154,10 @@ fn times_line(name: &str, times: &Percentiles, is_known: bool, more: &str) -> Li
 }
 
 fn reward(frame: &mut Frame, model: &Model, area: Rect) {
-    let point = |trial: &super::Trial| (trial.rollout as f64, trial.reward);
-    let all: Vec<_> = model.trials.iter().map(point).collect();
-    let caught: Vec<_> = model.trials.iter().filter(|trial| trial.success).map(point).collect();
+    let point = |trial: &Trial| (trial.rollout as f64, trial.reward);
+    let all: Vec<_> = model.session.trials.iter().map(point).collect();
+    let caught: Vec<_> =
+        model.session.trials.iter().filter(|trial| trial.success).map(point).collect();
     let mut best_so_far = f64::NEG_INFINITY;
     let best: Vec<_> = all
         .iter()
@@ -164,19 +166,19 @@ fn reward(frame: &mut Frame, model: &Model, area: Rect) {
             (*rollout, best_so_far)
         })
         .collect();
-    let title = match model.best() {
-        Some(best) => format!(
+    let title = match model.session.best() {
+        Some((rollout, reward)) => format!(
             " reward: best {:.3} at rollout {}, {:.0} % of the last 20 succeed, {} of {} ",
-            best.reward,
-            best.rollout,
-            100.0 * model.success_last20(),
-            model.trials.back().map_or(0, |trial| trial.rollout),
-            model.rollouts
+            reward,
+            rollout,
+            100.0 * model.session.success_last20(),
+            model.session.trials.back().map_or(0, |trial| trial.rollout),
+            model.session.rollouts
         ),
         None => " reward: no trial yet ".into(),
     };
     let first = all.first().map_or(0.0, |(rollout, _)| *rollout);
-    let last = (model.rollouts as f64).max(first + 1.0);
+    let last = (model.session.rollouts as f64).max(first + 1.0);
     let top = if best_so_far > 0.0 { 1.05 * best_so_far } else { 1.0 };
     let dots = |name, data, color| {
         let style = Style::default().fg(color);
@@ -198,7 +200,7 @@ fn reward(frame: &mut Frame, model: &Model, area: Rect) {
 }
 
 fn modes_table(model: &Model) -> Table<'static> {
-    let rows = model.modes.iter().enumerate().map(|(i, mode)| {
+    let rows = model.session.modes.iter().enumerate().map(|(i, mode)| {
         let best = match mode.best_rollout {
             0 => "none".into(),
             rollout => format!("{:.3} at {rollout}", mode.best_reward),
@@ -245,10 +247,9 @@ mod tests {
         assert!(drawn(&model, &Prompt::None).contains("asking the controller"));
         model.status =
             Some(Status { latched_fault: FAULT_HELD, learner_age_ns: 0, ..Status::ZERO });
-        let trial =
-            |rollout, reward| super::super::Trial { rollout, reward, success: reward > 1.0 };
-        model.trials.extend([trial(1, 0.5), trial(2, 1.5)]);
-        model.rollouts = 10;
+        let trial = |rollout, reward| Trial { rollout, reward, success: reward > 1.0 };
+        model.session.trials.extend([trial(1, 0.5), trial(2, 1.5)]);
+        model.session.rollouts = 10;
         let text = drawn(&model, &Prompt::None);
         for part in
             ["bad", "until", "rearm`", "7 ticks not seen", "best 1.500", "at rollout 2", "50 %"]

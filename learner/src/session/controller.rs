@@ -26,16 +26,7 @@ impl Link {
             if restarted {
                 self.controller = None; // its beat is to come
             }
-            self.beat_counter += 1;
-            let beat = Heartbeat {
-                schema: SCHEMA,
-                boot_id: u64::from(std::process::id()),
-                counter: self.beat_counter,
-                pinned: 0,
-                latched: 0,
-            };
-            // Nobody listening is what the controller's own silence will tell.
-            let _ = self.ports.beat.send_copy(beat);
+            self.beat(false);
         }
         if now >= self.next_housekeeping {
             self.next_housekeeping = now + HOUSEKEEPING;
@@ -60,6 +51,21 @@ impl Link {
             on_event(Event::ControllerBack);
         }
         Ok(restarted)
+    }
+
+    /// Shows the controller that the learner lives, or that it ends in order and nobody need miss it.
+    pub(super) fn beat(&mut self, is_leaving: bool) {
+        self.beat_counter += 1;
+        let beat = Heartbeat {
+            schema: SCHEMA,
+            boot_id: u64::from(std::process::id()),
+            counter: self.beat_counter,
+            pinned: 0,
+            latched: 0,
+            leaving: u64::from(is_leaving),
+        };
+        // Nobody listening is what the controller's own silence will tell.
+        let _ = self.ports.beat.send_copy(beat);
     }
 
     fn hear(&mut self, now: Instant) -> bool {

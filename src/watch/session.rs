@@ -1,0 +1,105 @@
+//! A session as its learner tells it: rewards, successes, modes.
+
+use std::collections::VecDeque;
+
+use shm_types::news::{ModeNews, TRIAL_SUCCESS, TrialNews};
+
+/// Trials remembered.
+const TRIALS: usize = 1000;
+
+/// One trial in the reward curve.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Trial {
+    pub rollout: u64,
+    pub reward: f64,
+    pub success: bool,
+}
+
+/// The newest session that was told of; without a trial nothing was.
+#[derive(Default)]
+pub struct WatchedSession {
+    id: u64,
+    /// In the order of their rollouts.
+    pub trials: VecDeque<Trial>,
+    /// Rollouts the session is to have.
+    pub rollouts: u64,
+    pub modes: Vec<ModeNews>,
+}
+
+impl WatchedSession {
+    /// Takes what was told; what cannot be believed is passed over.
+    pub fn take(&mut self, news: &TrialNews) {
+        let Ok(modes) = news.validate() else { return };
+        if news.session != self.id {
+            *self = WatchedSession { id: news.session, ..WatchedSession::default() };
+        }
+        self.rollouts = news.rollouts;
+        // What is told again, to a new controller's services, is known already.
+        if self.trials.back().is_none_or(|last| news.rollout > last.rollout) {
+            let success = news.has(TRIAL_SUCCESS);
+            self.trials.push_back(Trial { rollout: news.rollout, reward: news.reward, success });
+            if self.trials.len() > TRIALS {
+                self.trials.pop_front();
+            }
+        }
+        if !modes.is_empty() {
+            self.modes = modes.to_vec();
+        }
+    }
+
+    /// Rollout and reward of the best trial: the modes know of those that were not seen.
+    pub fn best(&self) -> Option<(u64, f64)> {
+        let seen = self.trials.iter().map(|trial| (trial.rollout, trial.reward));
+        let told = self.modes.iter().filter(|mode| mode.best_rollout > 0);
+        let told = told.map(|mode| (mode.best_rollout, mode.best_reward));
+        seen.chain(told).reduce(|a, b| if b.1 > a.1 { b } else { a })
+    }
+
+    /// Share of successes among the last 20 trials.
+    pub fn success_last20(&self) -> f64 {
+        let late = self.trials.iter().rev().take(20);
+        let n_late = late.len().max(1) as f64;
+        late.filter(|trial| trial.success).count() as f64 / n_late
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use shm_types::SCHEMA;
+    use shm_types::news::MAX_MODES;
+
+    fn news(session: u64, rollout: u64, reward: f64) -> TrialNews {
+        TrialNews {
+            schema: SCHEMA,
+            session,
+            rollout,
+            rollouts: 100,
+            policy_digest: 0,
+            fault: 0,
+            flags: if reward > 1.0 { TRIAL_SUCCESS } else { 0 },
+            reward,
+            n_modes: 0,
+            modes: [ModeNews::ZERO; MAX_MODES],
+        }
+    }
+
+    #[test]
+    fn what_is_told_twice_counts_once_and_a_late_comer_learns_of_the_best() {
+        let mut watched = WatchedSession::default();
+        assert_eq!(watched.best(), None);
+        for (rollout, reward) in [(7, 0.5), (8, 1.5), (7, 0.5), (8, 1.5), (9, 0.2)] {
+            watched.take(&news(1, rollout, reward));
+        }
+        watched.take(&news(1, 10, f64::NAN));
+        assert_eq!(watched.trials.len(), 3);
+        assert_eq!(watched.best(), Some((8, 1.5)));
+        assert_eq!(watched.success_last20(), 1.0 / 3.0);
+        let mut judged = TrialNews { n_modes: 1, ..news(1, 10, 0.1) };
+        judged.modes[0] = ModeNews { best_rollout: 3, best_reward: 4.0, ..ModeNews::ZERO };
+        watched.take(&judged);
+        assert_eq!(watched.best(), Some((3, 4.0)), "from before anybody watched");
+        watched.take(&news(2, 1, 0.3));
+        assert_eq!((watched.trials.len(), watched.best()), (1, Some((1, 0.3))), "another session");
+    }
+}
