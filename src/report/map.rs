@@ -53,12 +53,16 @@ impl Map<'_> {
     }
 }
 
-/// One- and two-sigma ellipses and the centre of a mode.
+/// One- and two-sigma ellipses and the centre of a mode, as far as they lie within the axes.
 pub fn draw_mode(plot: &mut Plot, mode: &Mode, class: &str) {
-    for sigma in [1.0, 2.0] {
-        plot.curve(ellipse(mode, sigma), class);
-    }
-    plot.dot(mode.mean[0], mode.mean[1], 3.5, "dot success");
+    let outlines = [1.0, 2.0].map(|sigma| {
+        ellipse(mode, sigma).into_iter().map(|(x, y)| plot.at(x, y)).collect::<Vec<_>>()
+    });
+    let centre = plot.at(mode.mean[0], mode.mean[1]);
+    plot.clipped(|panel| {
+        outlines.into_iter().for_each(|outline| panel.path(outline, class));
+        panel.circle(centre, 3.5, "dot success");
+    });
 }
 
 /// The closed ellipse at `sigma` standard deviations of a mode of two dimensions.

@@ -28,9 +28,9 @@ pub fn figure(seed: u64) -> Result<Figure> {
         stem: "fig7",
         title: "Multi-optima search on the landscape of three hills",
         caption: format!(
-            "Seed {seed}. First two rows: reward (shades), trials so far (open dots) and the \
-             mixture (ellipses at one and two standard deviations) after the trial above each \
-             panel; below: number of components, with a line up for a split and down for a merge. \
+            "Seed {seed}. First two rows: reward (shades) over Θ₁ (right) and Θ₂ (up), trials so \
+             far (open dots) and the mixture (ellipses at one and two standard deviations) after \
+             the trial above each panel; below: number of components, with a line up for a split and down for a merge. \
              Then the same for Algorithm 1 with the printed thresholds."
         ),
         rows: Ok(rows),
