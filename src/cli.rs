@@ -220,6 +220,9 @@ pub struct LearnerArgs {
     /// Configuration of a new session; a resumed one brings its own
     #[arg(long)]
     pub config: Option<PathBuf>,
+    /// What paces the loop beside it: one that keeps the wall clock has its core to itself
+    #[arg(long, value_enum, default_value_t = PaceArg::Realtime)]
+    pub pace: PaceArg,
     /// Record every rollout at full rate, as recording.mcap in the session folder
     #[arg(long)]
     pub record: bool,

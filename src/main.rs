@@ -18,6 +18,7 @@ mod progress;
 mod record;
 mod reload;
 mod report;
+mod resume;
 
 mod session_folder;
 mod setup;

@@ -62,7 +62,10 @@ impl Progress {
             let bar = ProgressBar::new(rollouts);
             bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
             bar.set_position(done);
-            bar.set_message("starting controller and learner");
+            bar.set_message(match done {
+                0 => "starting controller and learner".to_string(),
+                _ => format!("taking up {done} stored rollouts"),
+            });
             bar
         });
         Progress { bar, rollouts, has_flips }

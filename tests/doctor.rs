@@ -1,7 +1,9 @@
-//! `skillet doctor` on this host, whatever it is worth.
+//! `skillet doctor` on this host, whatever it is worth, and what a running cell takes of it.
 
 mod util;
 
+use rustix::process::Pid;
+use rustix::thread::{CpuSet, sched_getaffinity};
 use serde_json::Value;
 use shm_types::cell::Cell;
 use util::{Bench, eventually, stderr};
@@ -70,4 +72,47 @@ fn a_cell_needs_no_more_shared_memory_than_doctor_says() {
     });
     assert!(used <= needs << 20, "{used} bytes in use, {needs} MiB said");
     assert!(used > (needs << 20) / 2, "{needs} MiB is said for {used} bytes");
+}
+
+/// What starts or dies beside the loop does so elsewhere.
+#[test]
+fn the_loop_at_the_wall_clock_has_its_core_to_itself() {
+    let bench = Bench::new();
+    let controller = bench.start(&["controller", "--cell", "c1"]);
+    let learner = bench.start(&["learner", "--cell", "c1", "--session", "s"]);
+    bench.wait_for_trials("s", 1);
+
+    let here = cores(std::process::id());
+    let (last, others) = match here.split_last() {
+        Some((last, [])) => (*last, vec![*last]),
+        Some((last, others)) => (*last, others.to_vec()),
+        None => panic!("this process runs nowhere"),
+    };
+    let mut is_loop = Vec::new();
+    for (name, cores) in threads(controller.pid()) {
+        is_loop.push(name == "skillet-rt");
+        let expected = if name == "skillet-rt" { &vec![last] } else { &others };
+        assert_eq!(&cores, expected, "{name} of the controller");
+    }
+    assert_eq!(is_loop.iter().filter(|is_loop| **is_loop).count(), 1, "{is_loop:?}");
+    for (name, cores) in threads(learner.pid()) {
+        assert_eq!(cores, others, "{name} of the learner");
+    }
+}
+
+/// Name and cores of every thread of a process.
+fn threads(pid: u32) -> Vec<(String, Vec<usize>)> {
+    let tasks = std::fs::read_dir(format!("/proc/{pid}/task")).unwrap();
+    let thread = |task: std::io::Result<std::fs::DirEntry>| {
+        let task = task.unwrap();
+        let name = std::fs::read_to_string(task.path().join("comm")).unwrap();
+        let id = task.file_name().into_string().unwrap().parse().unwrap();
+        (name.trim_end().to_string(), cores(id))
+    };
+    tasks.map(thread).collect()
+}
+
+fn cores(thread: u32) -> Vec<usize> {
+    let set = sched_getaffinity(Pid::from_raw(thread as i32)).unwrap();
+    (0..CpuSet::MAX_CPU).filter(|core| set.is_set(*core)).collect()
 }

@@ -116,12 +116,12 @@ fuzz_target!(|data: &[u8]| {
     }
     if let Ok(store) = Store::open(&path) {
         let _ = (store.trials(), store.searches(), store.events(), store.pending_proposal());
-        let _ = store.modes();
+        let _ = (store.mode_reports(), store.has_current_modes());
         let _ = (store.trial_count(), store.durable_rollout(), store.initial_policy());
         for id in 0..4 {
             let _ = (store.path(id), store.policy(id));
         }
-        if let Ok(Replayed { search, .. }) = Replayed::of(&store, &[]) {
+        if let Ok(Replayed { search, .. }) = Replayed::of(&store, &[], &mut |_| {}) {
             let _ = search.modes();
         }
     }

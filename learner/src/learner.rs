@@ -17,11 +17,11 @@ use crate::config::LearnerConfig;
 use crate::demonstration::Demonstration;
 use crate::error::{CompleteError, LearnerError, not_executed};
 use crate::initial_policy::initial_policy;
-use crate::modes::{ModeReport, assess};
+use crate::modes::{ModeReport, assess, mode_policy_id};
 use crate::parameters::PolicyIds;
 use crate::path::{PathRow, decimate};
 use crate::problem::Problem;
-use crate::replay::{Replayed, replay, same_bits};
+use crate::replay::{Replayed, Told, replay, same_bits};
 use crate::search::AskTell;
 use crate::store::{SessionMeta, Store, TrialRecord};
 use crate::summary::{Summary, TrialReport};
@@ -29,8 +29,6 @@ use crate::trial::Proposal;
 
 /// The session file within its folder.
 pub const SESSION_FILE: &str = "session.db";
-/// The policy of rollout n has the id n; that of mode k after n trials this + 100 n + k.
-pub const MODE_POLICY_ID: u64 = 1_000_000;
 /// Id of the policy the session starts from.
 const INITIAL_POLICY_ID: u64 = 0;
 
@@ -66,7 +64,7 @@ impl Learner {
         let config = meta.learner.clone();
         let mut store = Store::create(&directory.join(SESSION_FILE), meta, &initial)?;
         store.record_event("created", source)?;
-        let search = replay(&config, &problem, &[])?;
+        let search = replay(&config, &problem, &[], &mut |_| {})?;
         Ok(Learner { config, problem, search, store, trials: Vec::new(), pending: None })
     }
 
@@ -79,11 +77,22 @@ impl Learner {
         config: &LearnerConfig,
         demonstrations: &[Demonstration],
     ) -> Result<Self, LearnerError> {
+        Learner::resume_showing(directory, task, config, demonstrations, &mut |_| {})
+    }
+
+    /// The same for a session that may be long: `on_told` hears of every trial told again.
+    pub fn resume_showing(
+        directory: &Path,
+        task: &str,
+        config: &LearnerConfig,
+        demonstrations: &[Demonstration],
+        on_told: &mut dyn FnMut(Told),
+    ) -> Result<Self, LearnerError> {
         config.validate()?;
         let store = Store::resume(&directory.join(SESSION_FILE))?;
         store.expect_task(task)?;
         config.check_resumes(&store.meta().learner)?;
-        let Replayed { problem, search, trials } = Replayed::of(&store, demonstrations)?;
+        let Replayed { problem, search, trials } = Replayed::of(&store, demonstrations, on_told)?;
         let config = config.clone();
         let mut learner = Learner { config, problem, search, store, trials, pending: None };
         if let Some(stored) = learner.store.pending_proposal()? {
@@ -176,7 +185,7 @@ impl Learner {
         let snapshot = self.search.snapshot(trial.rollout + 1);
         if let Err(error) = self.store.record_trial(&trial, &snapshot, path) {
             // What is not durable was not learnt.
-            self.search = replay(&self.config, &self.problem, &self.trials)
+            self.search = replay(&self.config, &self.problem, &self.trials, &mut |_| {})
                 .expect("these trials were reproduced before");
             self.search.ask(trial.rollout);
             return Err(CompleteError::Learner(error.into()));
@@ -197,9 +206,9 @@ impl Learner {
     /// What the search has found so far, each with its policy; stored.
     pub fn modes(&mut self) -> Result<Vec<(ModeReport, PolicyMsg)>, LearnerError> {
         let reports = self.mode_reports()?;
-        let first_id = MODE_POLICY_ID + 100 * self.trials.len() as u64;
+        let trials = self.trials.len() as u64;
         let with_policy = |report: ModeReport| {
-            let ids = self.ids(0, first_id + report.number as u64);
+            let ids = self.ids(0, mode_policy_id(trials, report.number as u64));
             let policy = self.problem.decode(&report.mode.mean, ids);
             (report, policy)
         };
@@ -214,16 +223,6 @@ impl Learner {
         let told = self.trials.iter().filter(|trial| !trial.set_aside);
         let trials: Vec<_> = told.map(TrialRecord::trial).collect();
         Ok(assess(&self.search.modes(), &trials, &forbidden))
-    }
-
-    /// Forbids a mode: where it lies, none is used any more.
-    pub fn forbid(&mut self, report: &ModeReport) -> Result<(), LearnerError> {
-        Ok(self.store.forbid(&report.mode.mean)?)
-    }
-
-    /// Allows every mode again.
-    pub fn allow_all(&mut self) -> Result<(), LearnerError> {
-        Ok(self.store.allow_all()?)
     }
 
     /// All rollouts of the configuration are stored.

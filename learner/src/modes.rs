@@ -34,6 +34,14 @@ pub struct ModeReport {
     pub forbidden: bool,
 }
 
+/// The policy of rollout n has the id n; that of mode k after n trials this + 100 n + k.
+pub const MODE_POLICY_ID: u64 = 1_000_000;
+
+/// Id of the policy of mode `number`, from 1, as found after `trials`.
+pub fn mode_policy_id(trials: u64, number: u64) -> u64 {
+    MODE_POLICY_ID + 100 * trials + number
+}
+
 /// Trials the tolerance is estimated from, the newest.
 const MAX_TRIALS: usize = 1000;
 /// Bandwidth of the density of the trials, in units of the noise.

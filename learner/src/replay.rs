@@ -18,13 +18,24 @@ pub struct Replayed {
 
 impl Replayed {
     /// Tells the stored trials again; every one must come out as it was proposed, bit for bit.
-    pub fn of(store: &Store, demonstrations: &[Demonstration]) -> Result<Replayed, LearnerError> {
+    pub fn of(
+        store: &Store,
+        demonstrations: &[Demonstration],
+        on_told: &mut dyn FnMut(Told),
+    ) -> Result<Replayed, LearnerError> {
         let config = &store.meta().learner;
         let problem = Problem::around(&store.initial_policy()?, config, demonstrations)?;
         let trials = store.trials()?;
-        let search = replay(config, &problem, &trials)?;
+        let search = replay(config, &problem, &trials, on_told)?;
         Ok(Replayed { problem, search, trials })
     }
+}
+
+/// How far a replay is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Told {
+    pub trials: usize,
+    pub of: usize,
 }
 
 /// The search after `trials`, each of which it must have proposed itself.
@@ -32,6 +43,7 @@ pub fn replay(
     config: &LearnerConfig,
     problem: &Problem,
     trials: &[TrialRecord],
+    on_told: &mut dyn FnMut(Told),
 ) -> Result<AskTell, LearnerError> {
     let mut search = AskTell::new(problem.search(config));
     for (trial, rollout) in trials.iter().zip(1..) {
@@ -42,6 +54,7 @@ pub fn replay(
             let told = search.tell(&trial.trial());
             told.map_err(|_| LearnerError::NotReproduced { rollout })?;
         }
+        on_told(Told { trials: rollout as usize, of: trials.len() });
     }
     Ok(search)
 }
@@ -90,11 +103,14 @@ mod tests {
             search.tell(&trial).unwrap();
             trials.push(record(trial));
         }
-        assert!(replay(&config, &problem, &trials).is_ok());
+        let mut heard = Vec::new();
+        assert!(replay(&config, &problem, &trials, &mut |told| heard.push(told)).is_ok());
+        assert_eq!(heard.len(), 40);
+        assert_eq!(heard[39], Told { trials: 40, of: 40 });
         let astray = |change: &dyn Fn(&mut TrialRecord)| {
             let mut trials = trials.clone();
             change(&mut trials[5]);
-            match replay(&config, &problem, &trials).err() {
+            match replay(&config, &problem, &trials, &mut |_| {}).err() {
                 Some(LearnerError::NotReproduced { rollout }) => rollout,
                 other => panic!("{other:?}"),
             }

@@ -4,7 +4,8 @@
 use std::path::Path;
 
 use learner::config::LearnerConfig;
-use learner::learner::{MODE_POLICY_ID, SESSION_FILE};
+use learner::learner::SESSION_FILE;
+use learner::modes::MODE_POLICY_ID;
 use learner::reward::{RewardConfig, RewardKind};
 use learner::search::power::PowerConfig;
 use learner::search::{Method, SearchConfig};

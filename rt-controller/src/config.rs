@@ -35,7 +35,7 @@ pub struct ControllerConfig {
     pub overruns_max: u32,
     /// SCHED_FIFO priority of the rt thread when paced by the wall clock.
     pub priority: u8,
-    /// Core of the rt thread; the last one when absent.
+    /// Core of the rt thread, which learner and exchange leave alone; the last one when absent.
     pub cpu: Option<usize>,
     /// Null-space and Approach posture gains, s⁻² and s⁻¹.
     pub posture_stiffness: f64,

@@ -121,7 +121,7 @@ pub fn run<P: Plant>(
         let rt_loop = RtLoop::new(controller, plant, ends, &latch, config);
         match pace {
             Pace::Realtime => {
-                let granted = rt::acquire(config.priority, config.cpu);
+                let granted = rt::acquire(config.priority, rt::loop_core(config.cpu));
                 for missing in &granted.missing {
                     tracing::warn!("real time is degraded: {missing}");
                 }

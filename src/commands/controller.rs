@@ -7,14 +7,15 @@ use anyhow::Result;
 use physics::action::Landscape;
 use physics::outcome::OutcomeConfig;
 use physics::pancake::PancakePlant;
+use rt_controller::rt::{leave_core, loop_core};
 use rt_controller::run::Controlled;
 use rt_controller::timing_file::TimingFile;
-use rt_controller::{Pace, RunSummary};
+use rt_controller::{ControllerConfig, Pace, RunSummary};
 use shm_types::cell::Cell;
 
 use crate::Verdict;
 use crate::cell::state_dir;
-use crate::cli::ControllerArgs;
+use crate::cli::{ControllerArgs, PaceArg};
 use crate::config::Config;
 use crate::metrics::Endpoint;
 use crate::{log, reload, setup};
@@ -25,6 +26,10 @@ pub fn run(args: &ControllerArgs) -> Result<Verdict> {
         setup::end_with_parent(parent)?;
     }
     let config = Config::load(args.config.as_deref())?;
+    let core = loop_core(config.controller.cpu);
+    if args.pace == PaceArg::Realtime {
+        leave_core(core); // before a thread starts; the loop's goes back there
+    }
     let set_level = log::start(&config.log);
     reload::on_hangup(args.config.as_deref(), &config, set_level)?;
     let cell = Cell::new(args.cell.as_deref().unwrap_or(&config.cell.name))?;
@@ -37,7 +42,7 @@ pub fn run(args: &ControllerArgs) -> Result<Verdict> {
     let summary = match config.task.name.as_str() {
         "landscape" => rt_controller::run_action(&cell, &Landscape, state, &stop)?,
         "skittles" => rt_controller::run_action(&cell, &config.task.skittles(), state, &stop)?,
-        _ => run_arm(&cell, &config, args.pace.into(), state, &stop)?,
+        _ => run_arm(&cell, &config, core, args.pace.into(), state, &stop)?,
     };
     if let Some(path) = args.timing.as_deref().filter(|_| summary.ticks > 0)
         && let Err(error) = TimingFile::add(path, summary.timing)
@@ -58,6 +63,7 @@ pub fn run(args: &ControllerArgs) -> Result<Verdict> {
 fn run_arm(
     cell: &Cell,
     config: &Config,
+    core: usize,
     pace: Pace,
     state: Option<&Path>,
     stop: &AtomicBool,
@@ -68,5 +74,6 @@ fn run_arm(
     let mut plant = PancakePlant::new(&model, &q0, &world);
     let outcome = OutcomeConfig { pan_radius: world.pan_radius, ..OutcomeConfig::default() };
     let controlled = Controlled { model: &model, plant: &mut plant, q0, outcome };
-    Ok(rt_controller::run(cell, &config.controller, pace, controlled, state, stop)?)
+    let controller = ControllerConfig { cpu: Some(core), ..config.controller.clone() };
+    Ok(rt_controller::run(cell, &controller, pace, controlled, state, stop)?)
 }

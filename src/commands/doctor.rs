@@ -1,9 +1,9 @@
 //! `skillet doctor`: the grades of this host, and what to mend.
 
-use std::num::NonZero;
 use std::path::Path;
 
 use anyhow::Result;
+use rt_controller::rt::loop_core;
 use serde_json::json;
 
 use crate::Verdict;
@@ -20,12 +20,10 @@ pub fn run(args: &DoctorArgs) -> Result<Verdict> {
         return Ok(Verdict::Done);
     }
     let root = Root(Path::new("/"));
-    let cores = std::thread::available_parallelism().map_or(1, NonZero::get);
     let checks = doctor::examine(&Subject {
         root,
         priority: controller.priority,
-        // As the rt thread chooses it.
-        core: controller.cpu.unwrap_or(cores - 1),
+        core: loop_core(controller.cpu),
         attempt: attempt::ask(args.config.as_deref()).map_err(|error| format!("{error:#}")),
         space: doctor::shared_memory_space(root),
     });

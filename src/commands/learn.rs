@@ -132,7 +132,7 @@ fn run_services(
     let record = [OsStr::new("--record")];
     let learner_args = [
         &[OsStr::new("learner"), OsStr::new("--json")][..],
-        &[OsStr::new("--session"), folder.dir().as_os_str()],
+        &[OsStr::new("--session"), folder.dir().as_os_str(), OsStr::new("--pace"), pace],
         if args.record { &record[..] } else { &[] },
         &common,
     ]
@@ -224,10 +224,10 @@ fn stored_trials(database: &Path) -> u64 {
 }
 
 fn summary(folder: &SessionFolder, config: &Config, run: &Run, wall: Duration) -> Result<Summary> {
-    let trials = Store::open(&folder.database())?.trials()?;
-    let result = Achievement::of(&trials);
+    let store = Store::open(&folder.database())?;
+    let result = Achievement::of(&store.trials()?);
     Ok(Summary {
-        modes: commands::modes::summary(folder.dir())?,
+        modes: commands::modes::summary(&store, config.learner.prefer)?,
         task: config.task.name.clone(),
         seed: config.learner.seed,
         result,

@@ -10,18 +10,20 @@ use learner::modes::choose;
 use learner::session::{self, End, Event};
 use learner::store::{SessionMeta, Store};
 use rt_controller::fault::Fault;
+use rt_controller::rt::{leave_core, loop_core};
 use sd_notify::NotifyState;
 use shm_types::cell::{Cell, Role};
 use shm_types::channel::ChannelError;
 use shm_types::ports::LearnerPorts;
 
 use crate::Verdict;
-use crate::cli::LearnerArgs;
+use crate::cli::{LearnerArgs, PaceArg};
 use crate::config::Config;
 use crate::progress::TrialLine;
 use crate::record::file::recover_left;
 use crate::record::recorder::Limits;
 use crate::record::session::SessionRecorder;
+use crate::resume::resume;
 use crate::session_folder::SessionFolder;
 use crate::{log, record, reload, setup};
 
@@ -29,6 +31,8 @@ use crate::{log, record, reload, setup};
 const RECORDING_BYTES: u64 = 512_000_000;
 /// How long a learner looks for a controller before it says so, and looks again.
 const PATIENCE: Duration = Duration::from_secs(10);
+/// What a service manager is asked to wait beyond each sign of life of a long start.
+const START_MORE: Duration = Duration::from_secs(60);
 
 pub fn run(args: &LearnerArgs) -> Result<Verdict> {
     let stop = setup::stop_flag()?;
@@ -46,6 +50,9 @@ pub fn run(args: &LearnerArgs) -> Result<Verdict> {
         folder.write(&config)?;
     }
     let config = Config::load(Some(&folder.config_path()))?;
+    if args.pace == PaceArg::Realtime {
+        leave_core(loop_core(config.controller.cpu)); // before a thread starts
+    }
     let set_level = log::start(&config.log);
     reload::on_hangup(Some(&folder.config_path()), &config, set_level)?;
     let _session = folder.lock()?;
@@ -128,20 +135,24 @@ fn write_down(event: &Event<'_>, recording: &mut Option<SessionRecorder>) {
 }
 
 fn open(folder: &SessionFolder, config: &Config) -> Result<Learner> {
+    if Store::exists(&folder.database()) {
+        return resume(folder, config, |text| {
+            tracing::info!("{text}");
+            // However long it takes, it is no start that hangs.
+            let more = NotifyState::ExtendTimeoutUsec(START_MORE.as_micros() as u32);
+            let _ = sd_notify::notify(false, &[more, NotifyState::Status(text)]);
+        });
+    }
     let demonstrations = setup::check(config)?;
-    let learner = if Store::exists(&folder.database()) {
-        Learner::resume(folder.dir(), &config.task.name, &config.learner, &demonstrations)
-    } else {
-        let meta = SessionMeta {
-            task: config.task.name.clone(),
-            // Only a name: it decides nothing, so it may differ between equal sessions.
-            session_id: RandomState::new().build_hasher().finish(),
-            config_toml: config.to_toml()?,
-            learner: config.learner.clone(),
-        };
-        Learner::create(folder.dir(), meta, &demonstrations)
+    let meta = SessionMeta {
+        task: config.task.name.clone(),
+        // Only a name: it decides nothing, so it may differ between equal sessions.
+        session_id: RandomState::new().build_hasher().finish(),
+        config_toml: config.to_toml()?,
+        learner: config.learner.clone(),
     };
-    learner.with_context(|| format!("session {}", folder.dir().display()))
+    Learner::create(folder.dir(), meta, &demonstrations)
+        .with_context(|| format!("session {}", folder.dir().display()))
 }
 
 fn report(event: &Event<'_>, line: &mut TrialLine, json: bool) {

@@ -1,11 +1,11 @@
 //! `skillet policy modes | forbid | export`: choosing among what a session has found.
 
+use std::fs::File;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
-use learner::Learner;
-use learner::modes::{ModeReport, Prefer, assess, choose};
-use learner::store::{Store, TrialRecord};
+use learner::modes::{ModeReport, Prefer, choose};
+use learner::store::Store;
 use serde_json::json;
 use shm_types::policy::PolicyMsg;
 
@@ -14,34 +14,38 @@ use crate::cli::PreferArg;
 use crate::config::Config;
 use crate::output::{print, print_json};
 use crate::report::ModeRow;
+use crate::resume::resume;
 use crate::session_folder::SessionFolder;
-use crate::setup;
 
 /// A session at rest, and which mode it prefers.
 struct Found {
-    learner: Learner,
+    store: Store,
     modes: Vec<(ModeReport, PolicyMsg)>,
     prefer: Prefer,
+    /// A learner at work writes the same tables.
+    _lock: File,
 }
 
 impl Found {
     fn open(session: &Path, prefer: Option<PreferArg>) -> Result<Found> {
         let folder = SessionFolder::open(session)?;
-        // A learner at work writes the same tables.
-        let _lock = folder.lock()?;
+        let lock = folder.lock()?;
         let config = Config::load(Some(&folder.config_path()))?;
         let name = || format!("session {}", folder.dir().display());
-        let demonstrations = setup::check(&config)?;
-        let mut learner =
-            Learner::resume(folder.dir(), &config.task.name, &config.learner, &demonstrations)
-                .with_context(name)?;
-        let modes = learner.modes().with_context(name)?;
+        let mut store = Store::resume(&folder.database()).with_context(name)?;
+        if !store.has_current_modes().with_context(name)? {
+            // Its learner was killed: what it had found follows from the trials.
+            drop(store);
+            resume(&folder, &config, |text| eprintln!("{text}"))?.modes().with_context(name)?;
+            store = Store::resume(&folder.database()).with_context(name)?;
+        }
+        let modes = with_policies(&store).with_context(name)?;
         let prefer = prefer.map_or(config.learner.prefer, Into::into);
-        Ok(Found { learner, modes, prefer })
+        Ok(Found { store, modes, prefer, _lock: lock })
     }
 
     fn answer(&self) -> Option<usize> {
-        choose(self.modes.iter().map(|(report, _)| report), self.prefer).map(|r| r.number)
+        answer_of(&self.modes, self.prefer)
     }
 
     fn numbered(&self, number: usize) -> Result<&(ModeReport, PolicyMsg)> {
@@ -52,30 +56,27 @@ impl Found {
     }
 }
 
-/// The modes of a session, as in `list` with JSON.
-pub fn summary(session: &Path) -> Result<Vec<serde_json::Value>> {
-    let found = Found::open(session, None)?;
-    let answer = found.answer();
-    Ok(found.modes.iter().map(|mode| row(mode, answer)).collect())
+fn with_policies(store: &Store) -> Result<Vec<(ModeReport, PolicyMsg)>> {
+    let with_policy = |(report, id): (ModeReport, u64)| {
+        let policy = store.policy(id)?;
+        let number = report.number;
+        Ok((report, policy.with_context(|| format!("mode {number}: its policy {id} is missing"))?))
+    };
+    store.mode_reports()?.into_iter().map(with_policy).collect()
+}
+
+/// The modes that a session holds, as in `list` with JSON.
+pub fn summary(store: &Store, prefer: Prefer) -> Result<Vec<serde_json::Value>> {
+    let modes = store.mode_reports()?;
+    let answer = answer_of(&modes, prefer);
+    Ok(modes.iter().map(|(report, id)| row(report, *id, answer)).collect())
 }
 
 /// The modes that a session holds, for its report: also while its learner is at work.
 pub fn rows(store: &Store, prefer: Prefer) -> Result<Vec<ModeRow>> {
-    let modes = store.modes()?;
-    if modes.is_empty() {
-        return Ok(Vec::new());
-    }
-    let trials = store.trials()?;
-    let told: Vec<_> = trials.iter().filter(|t| !t.set_aside).map(TrialRecord::trial).collect();
-    let forbidden = store.forbidden()?;
-    let thetas = told.iter().map(|trial| &trial.theta).chain(&forbidden);
-    let mut dims = modes.iter().map(|mode| &mode.mean).chain(thetas).map(|theta| theta.len());
-    if dims.next().is_some_and(|dim| dims.any(|other| other != dim)) {
-        bail!("its modes and its trials do not have the same parameters: the database is damaged");
-    }
-    let reports = assess(&modes, &told, &forbidden);
-    let answer = choose(&reports, prefer).map(|report| report.number);
-    let row = |report: ModeReport| ModeRow {
+    let modes = store.mode_reports()?;
+    let answer = answer_of(&modes, prefer);
+    let row = |(report, _): (ModeReport, u64)| ModeRow {
         is_answer: answer == Some(report.number),
         number: report.number,
         n_trials: report.n_trials,
@@ -84,7 +85,12 @@ pub fn rows(store: &Store, prefer: Prefer) -> Result<Vec<ModeRow>> {
         forbidden: report.forbidden,
         mode: report.mode,
     };
-    Ok(reports.into_iter().map(row).collect())
+    Ok(modes.into_iter().map(row).collect())
+}
+
+/// Number of the mode to use.
+fn answer_of<Policy>(modes: &[(ModeReport, Policy)], prefer: Prefer) -> Option<usize> {
+    choose(modes.iter().map(|(report, _)| report), prefer).map(|report| report.number)
 }
 
 fn remark(report: &ModeReport, answer: Option<usize>) -> &'static str {
@@ -99,7 +105,9 @@ pub fn list(session: &Path, prefer: Option<PreferArg>, as_json: bool) -> Result<
     let found = Found::open(session, prefer)?;
     let answer = found.answer();
     if as_json {
-        let rows: Vec<_> = found.modes.iter().map(|mode| row(mode, answer)).collect();
+        let row =
+            |(report, policy): &(ModeReport, PolicyMsg)| row(report, policy.policy_id, answer);
+        let rows: Vec<_> = found.modes.iter().map(row).collect();
         print_json(&rows)?;
         return Ok(Verdict::Done);
     }
@@ -124,7 +132,7 @@ pub fn list(session: &Path, prefer: Option<PreferArg>, as_json: bool) -> Result<
     Ok(Verdict::Done)
 }
 
-fn row((report, policy): &(ModeReport, PolicyMsg), answer: Option<usize>) -> serde_json::Value {
+fn row(report: &ModeReport, policy_id: u64, answer: Option<usize>) -> serde_json::Value {
     json!({
         "mode": report.number,
         "prior": report.mode.prior,
@@ -132,7 +140,7 @@ fn row((report, policy): &(ModeReport, PolicyMsg), answer: Option<usize>) -> ser
         "best_reward": report.best.map(|(_, reward)| reward),
         "best_rollout": report.best.map(|(rollout, _)| rollout),
         "tolerance": report.tolerance,
-        "policy_id": policy.policy_id,
+        "policy_id": policy_id,
         "forbidden": report.forbidden,
         "answer": answer == Some(report.number),
     })
@@ -141,15 +149,15 @@ fn row((report, policy): &(ModeReport, PolicyMsg), answer: Option<usize>) -> ser
 pub fn forbid(session: &Path, mode: &str) -> Result<Verdict> {
     let mut found = Found::open(session, None)?;
     if mode == "none" {
-        found.learner.allow_all()?;
+        found.store.allow_all()?;
     } else {
         let number = mode.parse().with_context(|| {
             format!("mode '{mode}': give its number in `policy modes`, or none")
         })?;
-        let report = found.numbered(number)?.0.clone();
-        found.learner.forbid(&report)?;
+        let mean = found.numbered(number)?.0.mode.mean.clone();
+        found.store.forbid(&mean)?;
     }
-    found.modes = found.learner.modes()?;
+    found.modes = with_policies(&found.store)?;
     match found.answer() {
         Some(number) => {
             let policy = found.numbered(number)?.1.policy_id;

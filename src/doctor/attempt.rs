@@ -4,7 +4,7 @@
 use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, bail};
-use rt_controller::ControllerConfig;
+use rt_controller::{ControllerConfig, rt};
 use serde::{Deserialize, Serialize};
 
 use crate::output::print_json;
@@ -34,6 +34,6 @@ pub fn ask(config: Option<&std::path::Path>) -> Result<Attempt> {
 
 /// The other process: asks, says what it got, and ends.
 pub fn answer(config: &ControllerConfig) -> Result<()> {
-    let granted = rt_controller::rt::acquire(config.priority, config.cpu);
+    let granted = rt::acquire(config.priority, rt::loop_core(config.cpu));
     print_json(&Attempt { fifo: granted.fifo, missing: granted.missing })
 }

@@ -1,6 +1,7 @@
 //! Distributions of times: how often each occurred, both axes logarithmic.
 
 use super::figure::HALF as WIDTH;
+use super::plot::{ROW, legend_places};
 use super::svg::{Anchor, Panel};
 
 const HEIGHT: f64 = 262.0;
@@ -9,9 +10,6 @@ const RIGHT: f64 = 14.0;
 const BOTTOM: f64 = 26.0;
 /// Title and name of the count axis, above the legend and below it.
 const TOP: f64 = 44.0;
-/// Height of a line of the legend, and width of a character in it.
-const LINE: f64 = 19.0;
-const CHARACTER: f64 = 7.8;
 /// Bins a decade.
 const BINS: f64 = 24.0;
 /// Where the count axis begins: below one, so that a single value is seen.
@@ -47,16 +45,15 @@ pub fn panel(title: &str, rows: &[Distribution]) -> Panel {
     let last = all().map(|(bin, _)| *bin).max().unwrap_or(0).max(first + BINS as i32 / 4);
     let most = all().map(|(_, n)| *n).max().unwrap_or(1) as f64;
 
-    let labels: Vec<&str> = rows.iter().map(|row| row.label.as_str()).collect();
-    let places = places(&labels);
-    let top = TOP + LINE * places.last().map_or(0, |(_, line)| line + 1) as f64;
+    let places = legend_places(rows.iter().map(|row| row.label.as_str()), WIDTH);
+    let top = TOP + ROW * places.last().map_or(0, |(_, row)| row + 1) as f64;
     let height = HEIGHT + top - TOP;
     let mut panel = Panel::new(WIDTH, height, format!("{title}: distribution of the times"));
     panel.text((2.0, 15.0), Anchor::Start, "title", title);
-    for ((label, class), (x, line)) in labels.iter().zip(CLASSES).zip(&places) {
-        let y = 15.0 + LINE * (line + 1) as f64;
-        panel.line((*x, y - 4.0), (x + 18.0, y - 4.0), class);
-        panel.text((x + 24.0, y), Anchor::Start, "tick", label);
+    for ((Distribution { label, .. }, class), (x, row)) in rows.iter().zip(CLASSES).zip(places) {
+        let y = 15.0 + ROW * (row + 1) as f64;
+        panel.line((x, y - 4.0), (x + 20.0, y - 4.0), class);
+        panel.text((x + 26.0, y), Anchor::Start, "tick", label);
     }
     let bottom = height - BOTTOM;
     let x = Scale { from: (edge(first - 1), edge(last + 2)), to: (LEFT, WIDTH - RIGHT) };
@@ -149,21 +146,6 @@ fn time(us: f64) -> String {
         us if us < 9e5 => format!("{:.0} ms", us * 1e-3),
         us => format!("{:.0} s", us * 1e-6),
     }
-}
-
-/// x and line of each label, wrapped at the width of the panel.
-fn places(labels: &[&str]) -> Vec<(f64, usize)> {
-    let (mut x, mut line) = (2.0, 0);
-    let mut places = Vec::with_capacity(labels.len());
-    for label in labels {
-        let needs = 24.0 + CHARACTER * label.chars().count() as f64;
-        if x > 2.0 && x + needs > WIDTH {
-            (x, line) = (2.0, line + 1);
-        }
-        places.push((x, line));
-        x += needs + 10.0;
-    }
-    places
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ const LEFT: f64 = 44.0;
 const RIGHT: f64 = 12.0;
 const BOTTOM: f64 = 40.0;
 /// Height of a line of text.
-const ROW: f64 = 19.0;
+pub const ROW: f64 = 19.0;
 /// Mean width of a character at the font size of the figures.
 const CHARACTER: f64 = 7.5;
 
@@ -153,7 +153,8 @@ impl Plot {
 
     fn legend(&mut self, entries: &[Entry]) {
         let width = self.panel.width;
-        for (&(key, class, name), (x, row)) in entries.iter().zip(legend_places(entries, width)) {
+        let places = legend_places(entries.iter().map(|entry| entry.2), width);
+        for (&(key, class, name), (x, row)) in entries.iter().zip(places) {
             let y = 13.0 + ROW * (row + 1) as f64;
             match key {
                 Key::Line => self.panel.line((x, y - 4.0), (x + 20.0, y - 4.0), class),
@@ -215,23 +216,27 @@ impl Plot {
 }
 
 fn top(legend: &[Entry], width: f64) -> f64 {
-    let rows = legend_places(legend, width).last().map_or(0, |(_, row)| row + 1);
+    let places = legend_places(legend.iter().map(|entry| entry.2), width);
+    let rows = places.last().map_or(0, |(_, row)| row + 1);
     26.0 + ROW * rows as f64
 }
 
-/// x and row of each entry, wrapped at `width`.
-fn legend_places(entries: &[Entry], width: f64) -> Vec<(f64, usize)> {
+/// Where the key of each entry begins, and its row; wrapped at `width`.
+pub fn legend_places<'a>(
+    names: impl IntoIterator<Item = &'a str>,
+    width: f64,
+) -> Vec<(f64, usize)> {
     let (mut x, mut row) = (2.0, 0);
-    let mut places = Vec::with_capacity(entries.len());
-    for (_, _, name) in entries {
+    let place = |name: &str| {
         let needs = 26.0 + CHARACTER * name.chars().count() as f64;
         if x > 2.0 && x + needs > width {
             (x, row) = (2.0, row + 1);
         }
-        places.push((x, row));
+        let place = (x, row);
         x += needs + 14.0;
-    }
-    places
+        place
+    };
+    names.into_iter().map(place).collect()
 }
 
 #[cfg(test)]
@@ -267,8 +272,8 @@ mod tests {
 
     #[test]
     fn the_legend_wraps_where_it_would_leave_the_panel() {
-        let entries = [(Key::Line, "a", "some long name"), (Key::Dot, "b", "another long name")];
-        assert_eq!(legend_places(&entries, 1000.0).iter().map(|p| p.1).max(), Some(0));
-        assert_eq!(legend_places(&entries, 200.0), [(2.0, 0), (2.0, 1)]);
+        let names = ["some long name", "another long name"];
+        assert_eq!(legend_places(names, 1000.0).iter().map(|p| p.1).max(), Some(0));
+        assert_eq!(legend_places(names, 200.0), [(2.0, 0), (2.0, 1)]);
     }
 }

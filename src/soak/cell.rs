@@ -58,7 +58,7 @@ impl SoakCell {
     }
 
     pub fn controller(&self) -> Result<Process> {
-        self.start("controller", 0, &[OsStr::new("--pace"), OsStr::new(self.pace)])
+        self.start("controller", 0, &[])
     }
 
     pub fn learner(&self, number: u64) -> Result<Process> {
@@ -75,7 +75,8 @@ impl SoakCell {
 
     fn start(&self, verb: &'static str, seed: u64, more: &[&OsStr]) -> Result<Process> {
         let config = self.config(seed);
-        let common = [verb, "--child", &self.parent, "--cell", self.cell.name(), "--config"];
+        let (cell, pace) = (self.cell.name(), self.pace);
+        let common = [verb, "--child", &self.parent, "--cell", cell, "--pace", pace, "--config"];
         let common = common.map(OsStr::new);
         Process::start(verb, &[&common[..], &[config.as_os_str()], more].concat(), &self.dir)
     }

@@ -5,8 +5,8 @@ use rusqlite::params;
 use shm_types::policy::PolicyMsg;
 
 use super::rows::{PolicyKind, blob, insert_policy, integer, signed, vector};
-use super::{Store, StoreError};
-use crate::modes::ModeReport;
+use super::{Store, StoreError, TrialRecord};
+use crate::modes::{ModeReport, assess, mode_policy_id};
 use crate::search::Mode;
 
 impl Store {
@@ -49,19 +49,48 @@ impl Store {
         })
     }
 
-    /// The modes found when the search last stopped, by falling prior; none before.
-    pub fn modes(&self) -> Result<Vec<Mode>, StoreError> {
-        let query = "SELECT mode, prior, mean, covariance FROM modes ORDER BY mode";
+    /// The modes found when the search last stopped, by falling prior, each with the number of its
+    /// policy; none before.
+    pub fn modes(&self) -> Result<Vec<(Mode, u64)>, StoreError> {
+        let query = "SELECT mode, prior, mean, covariance, policy_id FROM modes ORDER BY mode";
         let mut statement = self.sql(self.connection.prepare(query))?;
         let rows = self.sql(statement.query_map([], |row| {
-            Ok((integer(row.get(0)?), row.get(1)?, row.get(2)?, row.get(3)?))
+            let policy_id = integer(row.get(4)?);
+            Ok((integer(row.get(0)?), row.get(1)?, row.get(2)?, row.get(3)?, policy_id))
         }))?;
         rows.map(|row| {
-            let (number, prior, mean, covariance): (u64, f64, Vec<u8>, Vec<u8>) = self.sql(row)?;
+            let (number, prior, mean, covariance, policy_id): (_, _, Vec<u8>, Vec<u8>, _) =
+                self.sql(row)?;
             mode(prior, &mean, &covariance)
+                .map(|mode| (mode, policy_id))
                 .ok_or_else(|| self.corrupt(format!("mode {number} is damaged")))
         })
-        .collect()
+        .collect::<Result<_, StoreError>>()
+    }
+
+    /// Whether the stored modes are what all its trials lead to: no learner was killed since.
+    pub fn has_current_modes(&self) -> Result<bool, StoreError> {
+        let (modes, trials) = (self.modes()?, self.trial_count()?);
+        let is_current = |((_, id), number)| id == mode_policy_id(trials, number);
+        Ok(!modes.is_empty() && modes.into_iter().zip(1..).all(is_current))
+    }
+
+    /// The stored modes, judged by its trials, each with the number of its policy.
+    pub fn mode_reports(&self) -> Result<Vec<(ModeReport, u64)>, StoreError> {
+        let (modes, ids): (Vec<Mode>, Vec<u64>) = self.modes()?.into_iter().unzip();
+        if modes.is_empty() {
+            return Ok(Vec::new());
+        }
+        let trials = self.trials()?;
+        let told: Vec<_> = trials.iter().filter(|t| !t.set_aside).map(TrialRecord::trial).collect();
+        let forbidden = self.forbidden()?;
+        let thetas = told.iter().map(|trial| &trial.theta).chain(&forbidden);
+        let mut dims = modes.iter().map(|mode| &mode.mean).chain(thetas).map(|theta| theta.len());
+        if dims.next().is_some_and(|dim| dims.any(|other| other != dim)) {
+            let what = "its modes and its trials do not have the same parameters";
+            return Err(self.corrupt(what.into()));
+        }
+        Ok(assess(&modes, &told, &forbidden).into_iter().zip(ids).collect())
     }
 
     /// Forbids the mode whose mean is `mean`, and those that may come to lie there.
@@ -124,8 +153,13 @@ mod tests {
             tolerance: None,
             forbidden: false,
         };
-        store.put_modes(&[(report, policy(7))]).unwrap();
-        assert_eq!(store.modes().unwrap(), [found]);
+        store.put_modes(&[(report.clone(), policy(7))]).unwrap();
+        assert_eq!(store.modes().unwrap(), [(found.clone(), 7)]);
+        assert!(!store.has_current_modes().unwrap(), "a number of other trials");
+        let current = mode_policy_id(store.trial_count().unwrap(), 1);
+        let numbered = PolicyMsg { policy_id: current, ..policy(7) };
+        store.put_modes(&[(report, numbered)]).unwrap();
+        assert!(store.has_current_modes().unwrap());
         let damage = "UPDATE modes SET covariance = x'0000000000000000'";
         store.connection.execute_batch(damage).unwrap();
         assert!(store.modes().unwrap_err().to_string().contains("mode 1 is damaged"));

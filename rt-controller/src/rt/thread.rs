@@ -24,7 +24,7 @@ pub struct Privileges {
 
 /// Asks for real time on behalf of the calling thread. Nothing here is fatal: without privileges
 /// the loop runs with normal priority, and says so once.
-pub fn acquire(priority: u8, cpu: Option<usize>) -> Privileges {
+pub fn acquire(priority: u8, core: usize) -> Privileges {
     let mut granted = Privileges::default();
     if let Err(error) = mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE) {
         granted.missing.push(format!(
@@ -38,8 +38,6 @@ pub fn acquire(priority: u8, cpu: Option<usize>) -> Privileges {
             .push(format!("cores may sleep deeply ({CPU_LATENCY}: {error}): allow writing to it")),
     }
 
-    let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
-    let core = cpu.unwrap_or(cores - 1);
     let mut set = CpuSet::new();
     if core < CpuSet::MAX_CPU {
         set.set(core);

@@ -15,7 +15,7 @@ const CYCLICTEST_MAX_US: u64 = 20_000;
 
 /// Sleeps to absolute deadlines until `over`, half a period away from the controller's.
 pub fn bare_loop(config: &ControllerConfig, over: &AtomicBool, row: &mut Row) {
-    let _granted = rt::acquire(config.priority, config.cpu);
+    let _granted = rt::acquire(config.priority, rt::loop_core(config.cpu));
     let period_ns = config.period_ns();
     let mut clock = Clock::new(period_ns, period_ns / 2, 0);
     let mut missed = 0;
@@ -30,8 +30,7 @@ pub fn bare_loop(config: &ControllerConfig, over: &AtomicBool, row: &mut Row) {
 /// Runs cyclictest for `slice` with the loop's period, priority and core; nothing where it is not
 /// installed.
 pub fn cyclictest(config: &ControllerConfig, slice: Duration, row: &mut Row) -> Result<()> {
-    let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
-    let core = config.cpu.unwrap_or(cores - 1).to_string();
+    let core = rt::loop_core(config.cpu).to_string();
     let loops = (slice.as_nanos() as u64 / config.period_ns()).max(1).to_string();
     let output = Command::new("cyclictest")
         .args(["--quiet", "--mlockall", "--threads=1", "--affinity", &core])

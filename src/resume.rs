@@ -1,0 +1,29 @@
+//! A stored session, taken up again by telling its search every trial.
+
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result};
+use learner::Learner;
+use learner::replay::Told;
+
+use crate::config::Config;
+use crate::session_folder::SessionFolder;
+use crate::setup;
+
+/// What takes longer is shown, every so often.
+const EVERY: Duration = Duration::from_secs(3);
+
+/// `say` hears how far a long session is.
+pub fn resume(folder: &SessionFolder, config: &Config, say: impl Fn(&str)) -> Result<Learner> {
+    let demonstrations = setup::check(config)?;
+    let mut said = Instant::now();
+    let mut show = |told: Told| {
+        if said.elapsed() >= EVERY {
+            said = Instant::now();
+            say(&format!("{} of {} stored trials told again", told.trials, told.of));
+        }
+    };
+    let (dir, task) = (folder.dir(), &config.task.name);
+    Learner::resume_showing(dir, task, &config.learner, &demonstrations, &mut show)
+        .with_context(|| format!("session {}", dir.display()))
+}
