@@ -44,8 +44,11 @@ fn read(path: &Path) -> BTreeMap<String, Vec<(u64, Vec<u8>)>> {
     let bytes = std::fs::read(path).unwrap();
     let summary = mcap::Summary::read(&bytes).unwrap().expect("a whole file has a summary");
     let mut topics: BTreeMap<_, Vec<_>> = BTreeMap::new();
+    let mut latest = 0;
     for message in mcap::MessageStream::new(&bytes).unwrap() {
         let message = message.unwrap();
+        assert!(message.log_time >= latest, "{}: time only grows", message.channel.topic);
+        latest = message.log_time;
         let schema = message.channel.schema.as_ref().unwrap();
         assert_eq!(schema.encoding, "protobuf");
         let messages = topics.entry(message.channel.topic.clone()).or_default();

@@ -59,7 +59,7 @@ pub fn run(args: &RecordArgs) -> Result<Verdict> {
     while !is_over() {
         let round = Instant::now();
         while let Some(seen) = watcher.next()? {
-            recorder.write(&seen)?;
+            recorder.write(seen)?;
         }
         recorder.keep()?;
         if said.elapsed() >= SAY {

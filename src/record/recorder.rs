@@ -36,6 +36,8 @@ pub struct Recorder {
     attachments: Vec<Attachment>,
     finished: Vec<PathBuf>,
     last_phase: u32,
+    /// Told before the first tick, whose time it gets; `None` from then on.
+    early: Option<Vec<Seen>>,
     /// The bodies are in this file.
     is_drawn: bool,
     bytes_before: u64,
@@ -57,17 +59,27 @@ impl Recorder {
             attachments,
             finished: Vec::new(),
             last_phase: 0,
+            early: Some(Vec::new()),
             is_drawn: false,
             bytes_before: 0,
         })
     }
 
     /// Writes down what was seen.
-    pub fn write(&mut self, seen: &Seen) -> Result<()> {
+    pub fn write(&mut self, seen: Seen) -> Result<()> {
+        match (&mut self.early, seen) {
+            (_, Seen::Tick(tick, at_ns)) => return self.tick(&tick, at_ns),
+            (Some(early), seen) => early.push(seen),
+            (None, seen) => self.tell(&seen),
+        }
+        Ok(())
+    }
+
+    fn tell(&mut self, seen: &Seen) {
         match seen {
             Seen::Policy(policy) => self.scribe.policy(policy),
             Seen::Outcome(header) => self.scribe.outcome(header),
-            Seen::Tick(tick, at_ns) => self.tick(tick, *at_ns)?,
+            Seen::Tick(..) => {} // has a time of its own
             Seen::Trial(news) => {
                 self.scribe.trial(&Trial::from(&**news));
                 if let Some(mixture) = Mixture::of_news(news) {
@@ -78,7 +90,10 @@ impl Recorder {
             Seen::ControllerGone => self.scribe.warn("the controller has gone".into()),
             Seen::ControllerBack => self.scribe.warn("a controller is there again".into()),
         }
-        Ok(())
+    }
+
+    fn tell_early(&mut self) {
+        self.early.take().into_iter().flatten().for_each(|seen| self.tell(&seen));
     }
 
     pub fn tick(&mut self, tick: &TelemetryTick, at_ns: u64) -> Result<()> {
@@ -92,6 +107,7 @@ impl Recorder {
         }
         if !self.is_drawn {
             self.scribe.set_now(at_ns);
+            self.tell_early();
             if !self.finished.is_empty() {
                 self.scribe.policies_again();
             }
@@ -139,6 +155,7 @@ impl Recorder {
 
     /// Completes the last file; returns all.
     pub fn finish(mut self) -> Result<Vec<PathBuf>> {
+        self.tell_early();
         self.finished.push(self.file.finish()?);
         Ok(self.finished)
     }
@@ -150,4 +167,32 @@ fn begin(scribe: &Scribe, path: &Path, attachments: &[Attachment]) -> Result<Rec
         file.attach(name, media_type, text)?;
     }
     Ok(file)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Config;
+
+    #[test]
+    fn what_is_told_before_the_first_tick_gets_its_time() {
+        let directory = tempfile::TempDir::new().unwrap();
+        let mut scribe = crate::record::scribe(&Config::default()).unwrap();
+        scribe.set_now(5_000_000_000);
+        let limits = Limits { max_bytes: 1_000_000, by_rollout: false, object_always: false };
+        let path = directory.path().join("c.mcap");
+        let mut recorder = Recorder::new(scribe, &path, limits, Vec::new()).unwrap();
+        recorder.write(Seen::Lost(3)).unwrap();
+        let first = Seen::Tick(Box::new(TelemetryTick::ZERO), 4_990_000_000);
+        recorder.write(first).unwrap();
+        recorder.write(Seen::Lost(4)).unwrap();
+        recorder.finish().unwrap();
+
+        let bytes = std::fs::read(&path).unwrap();
+        let messages = mcap::MessageStream::new(&bytes).unwrap().map(Result::unwrap);
+        let told: Vec<_> = messages.map(|m| (m.channel.topic.clone(), m.log_time)).collect();
+        assert!(told.iter().all(|(_, at_ns)| *at_ns == 4_990_000_000), "{told:?}");
+        assert_eq!(told[0].0, "/log");
+        assert_eq!(told.iter().filter(|(topic, _)| topic == "/log").count(), 2);
+    }
 }
