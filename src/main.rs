@@ -19,7 +19,6 @@ mod record;
 mod reload;
 mod report;
 mod resume;
-
 mod session_folder;
 mod setup;
 mod soak;

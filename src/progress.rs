@@ -55,8 +55,11 @@ impl Progress {
     /// For a session of `rollouts`, of which `done` are over already; `has_flips` when the task
     /// knows success.
     pub fn new(rollouts: u64, done: u64, has_flips: bool) -> Progress {
-        // Nothing else is heard until a long session is where it was.
-        let taking_up = format!("taking up {done} stored rollouts");
+        let first = match done {
+            0 => "starting controller and learner".to_string(),
+            // Nothing else is heard until a long session is where it was.
+            _ => format!("taking up {done} stored rollouts"),
+        };
         let bar = std::io::stderr().is_terminal().then(|| {
             let style = ProgressStyle::with_template(
                 "{bar:30.cyan/blue} {pos}/{len}  {msg}  {elapsed_precise}",
@@ -64,14 +67,11 @@ impl Progress {
             let bar = ProgressBar::new(rollouts);
             bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
             bar.set_position(done);
-            bar.set_message(match done {
-                0 => "starting controller and learner".to_string(),
-                _ => taking_up.clone(),
-            });
+            bar.set_message(first.clone());
             bar
         });
         if bar.is_none() && done > 0 {
-            eprintln!("{taking_up}");
+            eprintln!("{first}");
         }
         Progress { bar, rollouts, has_flips }
     }

@@ -220,9 +220,7 @@ impl Learner {
     /// What the search has found so far.
     pub fn mode_reports(&self) -> Result<Vec<ModeReport>, LearnerError> {
         let forbidden = self.store.forbidden()?;
-        let told = self.trials.iter().filter(|trial| !trial.set_aside);
-        let trials: Vec<_> = told.map(TrialRecord::trial).collect();
-        Ok(assess(&self.search.modes(), &trials, &forbidden))
+        Ok(assess(&self.search.modes(), &TrialRecord::told(&self.trials), &forbidden))
     }
 
     /// All rollouts of the configuration are stored.

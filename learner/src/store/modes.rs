@@ -81,8 +81,7 @@ impl Store {
         if modes.is_empty() {
             return Ok(Vec::new());
         }
-        let trials = self.trials()?;
-        let told: Vec<_> = trials.iter().filter(|t| !t.set_aside).map(TrialRecord::trial).collect();
+        let told = TrialRecord::told(&self.trials()?);
         let forbidden = self.forbidden()?;
         let thetas = told.iter().map(|trial| &trial.theta).chain(&forbidden);
         let mut dims = modes.iter().map(|mode| &mode.mean).chain(thetas).map(|theta| theta.len());

@@ -65,6 +65,11 @@ impl TrialRecord {
         let (rollout, theta, reward) = (self.rollout, self.theta.clone(), self.reward);
         Trial { rollout, theta, reward, success: self.success() }
     }
+
+    /// Those of `records` that the search was told.
+    pub fn told(records: &[TrialRecord]) -> Vec<Trial> {
+        records.iter().filter(|record| !record.set_aside).map(TrialRecord::trial).collect()
+    }
 }
 
 /// A row of `events`.

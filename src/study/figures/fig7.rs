@@ -30,8 +30,8 @@ pub fn figure(seed: u64) -> Result<Figure> {
         caption: format!(
             "Seed {seed}. First two rows: reward (shades) over Θ₁ (right) and Θ₂ (up), trials so \
              far (open dots) and the mixture (ellipses at one and two standard deviations) after \
-             the trial above each panel; below: number of components, with a line up for a split and down for a merge. \
-             Then the same for Algorithm 1 with the printed thresholds."
+             the trial above each panel; below: number of components, with a line up for a split \
+             and down for a merge. Then the same for Algorithm 1 with the printed thresholds."
         ),
         rows: Ok(rows),
     })
