@@ -31,6 +31,10 @@ impl Cut<'_> {
 }
 
 impl Plant for Cut<'_> {
+    fn is_simulated(&self) -> bool {
+        true
+    }
+
     fn reset(&mut self) {
         self.world.reset();
         self.show();

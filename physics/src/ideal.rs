@@ -30,6 +30,10 @@ impl<'a> IdealArm<'a> {
 }
 
 impl Plant for IdealArm<'_> {
+    fn is_simulated(&self) -> bool {
+        true
+    }
+
     fn reset(&mut self) {
         (self.q, self.qd, self.tau) = (self.q0, JointVector::zeros(), JointVector::zeros());
     }
@@ -39,7 +43,8 @@ impl Plant for IdealArm<'_> {
         let X_WO: Isometry3<f64> = kinematics::tip_pose(self.model, &self.q) * X_PO;
         let object =
             ObjectState { p_WO: X_WO.translation.vector, R_WO: X_WO.rotation, in_contact: true };
-        Measurement { q: self.q, qd: self.qd, object, sample: self.sample }
+        let t_ns = self.sample * (self.period_s * 1e9).round() as u64;
+        Measurement { q: self.q, qd: self.qd, object, sample: self.sample, t_ns }
     }
 
     fn apply(&mut self, tau: &JointVector) {

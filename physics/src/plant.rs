@@ -29,13 +29,20 @@ pub struct Measurement {
     /// Counts the samples that were really taken: another number is a new sample, the same number
     /// the old one again.
     pub sample: u64,
+    /// When it was taken, ns by the plant's own clock: a later sample has a larger stamp.
+    pub t_ns: u64,
 }
 
 /// A torque-controlled arm and its surroundings, simulated or real.
 ///
 /// The torque given by [`apply`](Plant::apply) acts until it is replaced.
 pub trait Plant: Send {
-    /// Puts the world back to its start: a simulator builds a fresh one.
+    /// A simulation: its time passes in [`advance`](Plant::advance) alone, and
+    /// [`reset`](Plant::reset) makes another world. A real arm's time passes by itself, a reset
+    /// leaves it where it is, and nothing may be tried out on it.
+    fn is_simulated(&self) -> bool;
+    /// Puts the world back to its start: a simulator builds a fresh one, in which the arm rests at
+    /// its start posture as if held there.
     fn reset(&mut self);
     /// The state at the end of the last period.
     fn measure(&self) -> Measurement;

@@ -32,7 +32,7 @@ pub(crate) fn dry_run(
     let mut controller = Controller::new(model, q0, config, &OutcomeConfig::default());
     let mut record = TickRecord::ZERO;
     let mut first_clip: Option<(usize, f64)> = None;
-    controller.start(policy, q0);
+    controller.start(policy);
     while controller.phase() != Phase::Idle {
         let tau = controller.tick(&arm.measure(), &mut record);
         if record.flags & FLAG_TORQUE_CLIPPED != 0 && first_clip.is_none() {

@@ -2,7 +2,13 @@
 
 use physics::arm::{ArmModel, JointVector};
 
+use crate::limits;
 use crate::wrench::ArmState;
+
+/// A joint that shows itself farther beyond its limit than this, rad, or so many times too fast, is
+/// not where it says.
+const POSITION_MAX: f64 = 1.0;
+const SPEED_MAX: f64 = 10.0;
 
 /// Positions, rad, and speeds, rad/s.
 #[derive(Clone, Copy)]
@@ -12,6 +18,18 @@ pub(crate) struct Estimate {
 }
 
 impl Estimate {
+    /// An arm can be there: finite, and not absurdly far beyond the limits.
+    pub fn is_plausible(&self, model: &ArmModel) -> bool {
+        let limits = model.limits();
+        limits::is_finite(&self.q)
+            && limits::is_finite(&self.qd)
+            && (0..model.n_joints()).all(|i| {
+                self.q[i] > limits.q_min[i] - POSITION_MAX
+                    && self.q[i] < limits.q_max[i] + POSITION_MAX
+                    && self.qd[i].abs() < SPEED_MAX * limits.qd_max[i]
+            })
+    }
+
     /// Goes on by one period under `tau`, N·m: q̈ = M⁻¹(τ − C q̇ − g), not beyond the joints' limits.
     pub fn reckon(&mut self, model: &ArmModel, tau: &JointVector, period_s: f64) {
         let state = ArmState::new(model, &self.q, &self.qd);

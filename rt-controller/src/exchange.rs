@@ -97,6 +97,8 @@ pub(crate) struct Exchange<'a, P> {
     pub(crate) link: LearnerLink,
     /// Newest first.
     pub(crate) known: Vec<Arc<Served<P>>>,
+    /// The newest proposal that succeeded, until its dry run: only then it may be served.
+    pub(crate) to_prove: Option<PolicyMsg>,
     pub(crate) boot_id: u64,
     pub(crate) in_flight: Option<InFlight<P>>,
     /// Policy in the loop, or the last one, and since when.
@@ -149,6 +151,7 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
             commands: Commands::new(),
             link: LearnerLink::new(),
             known: Vec::new(),
+            to_prove: None,
             boot_id: boot_id(),
             in_flight: None,
             in_loop: PolicyName::NONE,
@@ -189,6 +192,9 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
             self.swap_now();
             self.renew();
             self.hand_over();
+            if !self.active {
+                self.prove();
+            }
             let now = Instant::now();
             if now >= next_beat {
                 next_beat = now + BEAT;
@@ -292,7 +298,7 @@ fn open_spool(dir: &Path) -> Result<Spool, StateError> {
 fn restore<P: PartialEq>(setup: &Setup<P>, left: &State) -> Serving<P> {
     let again = |message: Option<PolicyMsg>| {
         let message = message?;
-        match (setup.admit)(&message) {
+        match (setup.admit_to_serve)(&message) {
             Ok((policy, n_records)) => Some(Arc::new(Served { message, policy, n_records })),
             Err(error) => {
                 let policy = message.name().describe();

@@ -59,11 +59,6 @@ impl Fault {
         Fault::latching(self as u32) == Some(self)
     }
 
-    /// The measured positions and speeds are not to be trusted, although they are numbers.
-    pub fn spoils_joints(self) -> bool {
-        matches!(self, Fault::MeasurementStale | Fault::MeasurementInconsistent)
-    }
-
     /// The latching fault with this code.
     pub fn latching(code: u32) -> Option<Fault> {
         let all = [

@@ -103,7 +103,7 @@ pub(crate) mod tests {
             in_contact: false,
         };
         let zeros = JointVector::zeros();
-        let measured = Measurement { q: zeros, qd: zeros, object, sample: 0 };
+        let measured = Measurement { q: zeros, qd: zeros, object, sample: 0, t_ns: 0 };
         let mut record = FlightRecord::new();
         for tick in 0..n {
             let tick = TickRecord { tick, ..TickRecord::ZERO };

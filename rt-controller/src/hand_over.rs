@@ -77,8 +77,7 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
             self.fault_in_service(&name, done.fault);
         }
         if fault == Fault::None && done.outcome.has(OUTCOME_SUCCESS) {
-            self.serving.proved_itself(in_flight.served);
-            self.remember();
+            self.to_prove = Some(in_flight.served.message);
         }
         match &mut self.spool {
             // A proposal that is no trial is asked for again, whatever it did.
@@ -86,6 +85,23 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
                 spool.store(name, done.episode)
             }
             _ => self.send(name, done.episode),
+        }
+    }
+
+    /// A proposal that succeeded becomes the last good policy, if it passes what every served policy
+    /// must: it ran as an experiment, without the dry run. While nothing else is to be done.
+    pub(crate) fn prove(&mut self) {
+        let Some(message) = self.to_prove.take() else { return };
+        self.active = true;
+        match (self.setup.admit_to_serve)(&message) {
+            Ok((policy, n_records)) => {
+                self.serving.proved_itself(Arc::new(Served { message, policy, n_records }));
+                self.remember();
+            }
+            Err(error) => {
+                let rollout = message.rollout;
+                tracing::debug!(rollout, "succeeded, but is not to be served: {error}");
+            }
         }
     }
 

@@ -81,9 +81,14 @@ impl Latch {
         self.is_hold_asked.load(Ordering::Acquire)
     }
 
-    /// The loop has not answered yet. Once it has, [`Latch::fault`] is its answer.
-    pub fn is_asked(&self) -> bool {
-        self.is_asked.load(Ordering::Acquire)
+    /// The loop's answer to [`Latch::ask`]: what is latched after it; `None` while there is none.
+    ///
+    /// The loop writes the latch before it says that it has answered, so it is read after that.
+    pub fn answer(&self) -> Option<Result<(), Fault>> {
+        if self.is_asked.load(Ordering::Acquire) {
+            return None;
+        }
+        Some(self.fault().map_or(Ok(()), Err))
     }
 
     /// The loop's side, once a tick: shows the latch, and re-arms where that was asked for and the

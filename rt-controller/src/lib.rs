@@ -47,6 +47,7 @@ pub mod task;
 pub mod tick;
 mod timing;
 pub mod timing_file;
+mod trust;
 mod watchdog;
 pub mod wrench;
 

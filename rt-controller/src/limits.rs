@@ -3,21 +3,37 @@
 use physics::arm::{JointLimits, JointVector};
 
 /// Pushes a joint back that is closer than `margin` rad to its limit: a spring that reaches the
-/// joint's whole torque limit at the limit itself. Returns the torque and whether it acted.
-pub fn joint_limit_torque(
+/// joint's whole torque limit at the limit itself, where of a command that drives the joint
+/// outwards nothing is left. In between it keeps the share that the spring does not have,
+///
+/// τ = min(τ_c, (1 − s) τ_max) − s τ_max,  s = (q − q_max + margin) / margin,
+///
+/// at the upper limit, so that the push wins from the middle of the margin on, however large τ_c is.
+/// Returns the torque and whether it acted.
+pub fn push_from_joint_limits(
     limits: &JointLimits,
     q: &JointVector,
+    tau: &JointVector,
     margin: f64,
 ) -> (JointVector, bool) {
     let mut acted = false;
     let torque = JointVector::from_fn(|i, _| {
-        if limits.tau_max[i] == 0.0 {
-            return 0.0; // a joint that the arm does not have
-        }
+        let tau_max = limits.tau_max[i];
         let below = (limits.q_min[i] + margin - q[i]).max(0.0);
         let above = (q[i] - limits.q_max[i] + margin).max(0.0);
-        acted |= below > 0.0 || above > 0.0;
-        limits.tau_max[i] * (below - above) / margin
+        // A joint that the arm does not have has no torque and no room.
+        if tau_max == 0.0 || (below == 0.0 && above == 0.0) {
+            return tau[i];
+        }
+        acted = true;
+        let left = |push: f64| tau_max * (1.0 - push / margin).max(0.0);
+        // Not by `min` and `max`: they would make a number of a torque that is none.
+        let kept = match tau[i] {
+            tau if above > 0.0 && tau > left(above) => left(above),
+            tau if below > 0.0 && tau < -left(below) => -left(below),
+            tau => tau,
+        };
+        kept + tau_max * (below - above) / margin
     });
     (torque, acted)
 }
@@ -84,13 +100,40 @@ mod tests {
     #[test]
     fn joint_limit_pushes_inwards_with_full_torque_at_the_limit() {
         let mut q = JointVector::zeros();
-        assert_eq!(joint_limit_torque(&limits(), &q, 0.1), (JointVector::zeros(), false));
+        let still = JointVector::zeros();
+        assert_eq!(push_from_joint_limits(&limits(), &q, &still, 0.1), (still, false));
         (q[0], q[1], q[2]) = (-1.0, 2.0, 1.95);
-        let (tau, acted) = joint_limit_torque(&limits(), &q, 0.1);
+        let (tau, acted) = push_from_joint_limits(&limits(), &q, &still, 0.1);
         assert!(acted);
         assert!((tau[0] - 10.0).abs() < 1e-12);
         assert!((tau[1] + 10.0).abs() < 1e-12);
         assert!((tau[2] + 5.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn the_push_wins_against_any_command_from_the_middle_of_the_margin_on() {
+        let commands = [1.0, 9.9, 1e3, 1e9, f64::MAX];
+        for (command, beyond) in commands.iter().flat_map(|c| [(c, 0.0), (c, 0.1), (c, 5.0)]) {
+            for (q, outwards) in [(2.0 + beyond, 1.0), (-1.0 - beyond, -1.0)] {
+                let (tau, _) = push_from_joint_limits(
+                    &limits(),
+                    &JointVector::repeat(q),
+                    &JointVector::repeat(outwards * command),
+                    0.1,
+                );
+                let (tau, _) = clamp_torque(&limits(), &tau);
+                assert!((tau[0] + outwards * 10.0).abs() < 1e-9, "{command} at {q}: {}", tau[0]);
+            }
+            let (q, tau) = (JointVector::repeat(1.96), JointVector::repeat(*command));
+            assert!(push_from_joint_limits(&limits(), &q, &tau, 0.1).0[0] < 0.0, "{command}");
+        }
+        let (q, none) = (JointVector::repeat(2.0), JointVector::repeat(f64::NAN));
+        assert!(push_from_joint_limits(&limits(), &q, &none, 0.1).0[0].is_nan(), "not hidden");
+        // Inwards a command loses nothing, and clear of the margin none does.
+        let (q, tau) = (JointVector::repeat(2.0), JointVector::repeat(-3.0));
+        assert_eq!(push_from_joint_limits(&limits(), &q, &tau, 0.1).0[0], -13.0);
+        let q = JointVector::repeat(1.8);
+        assert_eq!(push_from_joint_limits(&limits(), &q, &(tau * 1e9), 0.1).0, tau * 1e9);
     }
 
     #[test]

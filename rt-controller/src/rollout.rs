@@ -14,9 +14,11 @@ use crate::task::TaskState;
 
 /// After the policy's duration a pancake that lies in the pan gets this long to leave it.
 const NO_TOSS_S: f64 = 0.1;
-/// Speed of the Approach, rad/s, and how close it must come, rad.
+/// Speed of the Approach, rad/s, how close it must come, rad, and how slow the arm must be then,
+/// rad/s: under a pancake that the model does not know the wrist sags at up to 0.1.
 const APPROACH_SPEED: f64 = 0.5;
 const APPROACH_TOLERANCE: f64 = 0.02;
+const APPROACH_REST: f64 = 0.15;
 const APPROACH_TIMEOUT_S: f64 = 20.0;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,8 +47,11 @@ pub struct Rollout {
     approach_ticks: u32,
     settle_s: f64,
     q0: JointVector,
-    q_start: JointVector,
-    q_now: JointVector,
+    /// Where the arm was at the first good sample of this Idle or Approach: what Idle holds and the
+    /// Approach leaves from. No posture is assumed before the arm has shown one.
+    q_start: Option<JointVector>,
+    /// The arm rests at the start posture.
+    arrived: bool,
     timed_out: bool,
     policy: Policy,
     /// The policy before a swap, while it fades out.
@@ -66,8 +71,8 @@ impl Rollout {
             approach_ticks: (config.approach_s / config.period_s()).ceil() as u32,
             settle_s: config.settle_s,
             q0: *q0,
-            q_start: *q0,
-            q_now: *q0,
+            q_start: None,
+            arrived: false,
             timed_out: false,
             policy: Policy::new(&PolicyMsg::EMPTY),
             blend: None,
@@ -77,12 +82,10 @@ impl Rollout {
         }
     }
 
-    /// Begins the Approach from `q`.
-    pub fn start(&mut self, policy: &Policy, q: &JointVector) {
+    /// Begins the Approach from where the arm is.
+    pub fn start(&mut self, policy: &Policy) {
         self.policy = *policy;
         self.blend = None;
-        self.q_start = *q;
-        self.q_now = *q;
         self.timed_out = false;
         self.tracker = OutcomeTracker::new(&self.outcome_config);
         self.enter(Phase::Approach);
@@ -150,16 +153,18 @@ impl Rollout {
         }
     }
 
-    /// Where the arm should be in Idle and Approach: on a straight line in joint space from where
-    /// it was to the start posture, at `APPROACH_SPEED` for the joint that has farthest to go.
-    pub fn posture_reference(&self) -> JointVector {
+    /// Where the arm, now at `q`, should be in Idle and Approach: where the phase found it, or on a
+    /// straight line in joint space from there to the start posture, at `APPROACH_SPEED` for the
+    /// joint that has farthest to go.
+    pub fn posture_reference(&mut self, q: &JointVector) -> JointVector {
+        let q_start = *self.q_start.get_or_insert(*q);
         if self.phase == Phase::Idle {
-            return self.q_start;
+            return q_start;
         }
-        let way = self.q0 - self.q_start;
+        let way = self.q0 - q_start;
         let duration = way.abs().max() / APPROACH_SPEED;
         let t = f64::from(self.ticks) * self.period_s;
-        if t >= duration { self.q0 } else { self.q_start + way * (t / duration) }
+        if t >= duration { self.q0 } else { q_start + way * (t / duration) }
     }
 
     /// Takes in what the world looks like in this tick.
@@ -170,9 +175,10 @@ impl Rollout {
         }
     }
 
-    /// Remembers where the arm is; Approach ends, and Idle holds, by it.
-    pub fn locate(&mut self, q: &JointVector) {
-        self.q_now = *q;
+    /// Takes in where the arm is and how fast it moves; the Approach ends by it.
+    pub fn locate(&mut self, q: &JointVector, qd: &JointVector) {
+        self.arrived =
+            (q - self.q0).abs().max() < APPROACH_TOLERANCE && qd.abs().max() < APPROACH_REST;
     }
 
     /// From now on Idle holds the arm where it is.
@@ -194,8 +200,7 @@ impl Rollout {
             Phase::Idle => {}
             _ if faulted => self.enter(Phase::Idle),
             Phase::Approach => {
-                let arrived = (self.q_now - self.q0).abs().max() < APPROACH_TOLERANCE;
-                if self.ticks >= self.approach_ticks && arrived {
+                if self.ticks >= self.approach_ticks && self.arrived {
                     self.enter(Phase::Execute);
                 } else if t > APPROACH_TIMEOUT_S {
                     self.timed_out = true;
@@ -221,9 +226,7 @@ impl Rollout {
     }
 
     fn enter(&mut self, phase: Phase) {
-        if phase == Phase::Idle {
-            self.q_start = self.q_now;
-        }
+        (self.q_start, self.arrived) = (None, false);
         self.phase = phase;
         self.ticks = 0;
         self.executed = 0;

@@ -27,6 +27,8 @@ use crate::tick::Controller;
 
 /// How long an unpaced loop sleeps while there is nothing to do.
 const IDLE_SLEEP: Duration = Duration::from_micros(100);
+/// Ticks in time after which an overrun is over.
+const PROBATION_TICKS: u32 = 500;
 
 /// A rollout in progress.
 struct Running {
@@ -51,6 +53,8 @@ pub(crate) struct RtLoop<'a, P: Plant> {
     scratch: TickRecord,
     record_stride: usize,
     overruns_max: u32,
+    /// Ticks in time before the next rollout may begin.
+    n_probation: u32,
     period: Duration,
 }
 
@@ -78,6 +82,7 @@ impl<'a, P: Plant> RtLoop<'a, P> {
             scratch: TickRecord::ZERO,
             record_stride: config.record_stride(),
             overruns_max: config.overruns_max,
+            n_probation: 0,
             period: Duration::from_nanos(config.period_ns()),
         }
     }
@@ -85,12 +90,21 @@ impl<'a, P: Plant> RtLoop<'a, P> {
     pub fn run_paced(mut self, mut clock: Clock, stop: &AtomicBool) {
         while !stop.load(Ordering::Relaxed) {
             let wake = clock.wait();
-            if wake.overruns >= self.overruns_max {
-                self.controller.trip(Fault::Overrun);
-            }
+            self.watch_deadlines(wake.overruns);
             self.begin_if_asked();
             self.swap_if_asked();
             self.cycle(wake);
+        }
+    }
+
+    /// Too many deadlines missed in a row hold the arm, and no rollout begins before the loop has
+    /// kept its time again for a while: a host that overruns and overruns executes nothing.
+    fn watch_deadlines(&mut self, overruns: u32) {
+        if overruns >= self.overruns_max {
+            self.controller.trip(Fault::Overrun);
+            self.n_probation = PROBATION_TICKS;
+        } else if overruns == 0 {
+            self.n_probation = self.n_probation.saturating_sub(1);
         }
     }
 
@@ -118,13 +132,15 @@ impl<'a, P: Plant> RtLoop<'a, P> {
         if let Some(done) = self.undelivered.take() {
             self.deliver(done);
         }
-        if self.controller.latched().is_some() {
+        if self.controller.latched().is_some() || self.n_probation > 0 {
             return;
         }
         if let Ok(job) = self.ends.jobs.pop() {
-            // A simulator builds a fresh world here; a robot does nothing.
             self.plant.reset();
-            self.controller.start(&job.policy, &self.plant.measure().q);
+            if self.plant.is_simulated() {
+                self.controller.enter_fresh_world();
+            }
+            self.controller.start(&job.policy);
             self.policy_digest = job.policy_digest;
             let recording = Recording::new(self.record_stride);
             self.running = Some(Running {
@@ -194,7 +210,9 @@ impl<'a, P: Plant> RtLoop<'a, P> {
         if let Some((seq, tick, at_ns)) = fulfilled {
             self.acknowledge(seq, tick, at_ns);
         }
-        self.plant.advance();
+        if self.plant.is_simulated() {
+            self.plant.advance();
+        }
         if self.controller.phase() == Phase::Idle
             && let Some(running) = self.running.take()
         {

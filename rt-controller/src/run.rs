@@ -138,23 +138,28 @@ pub fn run<P: Plant>(
 }
 
 /// A period that the host cannot hold is better refused than overrun: the median cost of a tick and
-/// a step of the plant, which holds the arm meanwhile.
+/// of a simulated plant's step. On a real arm nothing is commanded: the loop does not run yet.
 fn check_period<P: Plant>(
     mut controller: Controller,
     plant: &mut P,
     period_us: u32,
 ) -> Result<(), RunError> {
     let mut record = TickRecord::ZERO;
+    let is_simulated = plant.is_simulated();
     let mut cost = || {
         let start = Instant::now();
         let tau = controller.tick(&plant.measure(), &mut record);
-        plant.apply(&tau);
-        plant.advance();
+        if is_simulated {
+            plant.apply(&tau);
+            plant.advance();
+        }
         start.elapsed()
     };
     let mut costs: Vec<Duration> = (0..TRIAL_TICKS).map(|_| cost()).collect();
     costs.sort_unstable();
-    plant.reset();
+    if is_simulated {
+        plant.reset();
+    }
     let needed_us = costs[TRIAL_TICKS / 2].as_secs_f64() * 1e6;
     let enough_us = needed_us / PERIOD_SHARE;
     if enough_us > f64::from(period_us) {

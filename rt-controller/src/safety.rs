@@ -17,14 +17,15 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
             let why = Fault::describe(fault as u32);
             tracing::error!("machine fault: {why}; the arm is held until `skillet rearm`");
         }
-        if !self.is_rearming || self.setup.latch.is_asked() {
+        if !self.is_rearming {
             return;
         }
+        let Some(answer) = self.setup.latch.answer() else { return };
         self.is_rearming = false;
-        match fault {
+        match answer {
             // It came back before the loop was asked.
-            Some(fault) => self.answer_rearmed(Err(fault)),
-            None => {
+            Err(fault) => self.answer_rearmed(Err(fault)),
+            Ok(()) => {
                 self.latched = None;
                 tracing::info!("re-armed");
                 let ticket = self.remember();

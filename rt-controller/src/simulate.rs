@@ -37,7 +37,7 @@ pub fn simulate<P: Plant>(
         Controller::new(controlled.model, &controlled.q0, config, &controlled.outcome);
     let (mut recording, mut scratch) = (Recording::new(config.record_stride()), TickRecord::ZERO);
     controlled.plant.reset();
-    controller.start(&policy, &controlled.plant.measure().q);
+    controller.start(&policy);
     while controller.phase() != Phase::Idle {
         let measured = controlled.plant.measure();
         let record = recording.next(&controller, records).unwrap_or(&mut scratch);

@@ -40,8 +40,11 @@ pub struct Controller<'a> {
     /// Ticks of Execute and Settle in this rollout, and those with a clipped torque.
     n_executed: u32,
     n_clipped: u32,
-    last_tau: JointVector,
-    estimate: Estimate,
+    /// The torque last commanded, N·m: every next one is within a step of it. Always finite.
+    /// `None` before the first command, in which the arm rests in what holds it: brakes, its driver.
+    last_tau: Option<JointVector>,
+    /// `None` while the arm has not shown a posture.
+    estimate: Option<Estimate>,
 }
 
 #[derive(Clone, Copy)]
@@ -90,21 +93,29 @@ impl<'a> Controller<'a> {
             fault: Fault::None,
             n_executed: 0,
             n_clipped: 0,
-            last_tau: dynamics::gravity_torque(model, q0),
-            estimate: Estimate { q: *q0, qd: JointVector::zeros() },
+            last_tau: None,
+            estimate: None,
         }
     }
 
-    /// Begins a rollout: Approach, then Execute and Settle under `policy`. Not after a latched fault.
-    pub fn start(&mut self, policy: &Policy, q: &JointVector) {
+    /// A simulator has made a fresh world, in which the arm rests at the start posture as if held
+    /// there. Never on a real arm, which is where it was and feels the torque of before.
+    pub fn enter_fresh_world(&mut self) {
+        self.monitor.restart();
+        let start = Estimate { q: *self.rollout.q0(), qd: JointVector::zeros() };
+        self.last_tau = Some(rest_torque(self.model, &start));
+        self.estimate = Some(start);
+    }
+
+    /// Begins a rollout from where the arm is: Approach, then Execute and Settle under `policy`. Not
+    /// after a latched fault.
+    pub fn start(&mut self, policy: &Policy) {
         if self.fault.latches() {
             return;
         }
         self.fault = Fault::None;
-        self.monitor.restart();
         (self.n_executed, self.n_clipped) = (0, 0);
-        self.last_tau = dynamics::gravity_torque(self.model, q);
-        self.rollout.start(policy, q);
+        self.rollout.start(policy);
     }
 
     /// Exchanges the policy from the next tick on, see [`Rollout::swap`].
@@ -139,6 +150,7 @@ impl<'a> Controller<'a> {
     pub fn rearm(&mut self) {
         if self.fault.latches() && !self.is_cause_present() {
             self.fault = Fault::None;
+            self.monitor.trust_again();
             self.rollout.stay();
         }
     }
@@ -176,14 +188,18 @@ impl<'a> Controller<'a> {
         *record = TickRecord { tick: self.tick, t_s: self.rollout.t_s(), ..TickRecord::ZERO };
         (record.phase, record.flags) = (self.rollout.phase() as u32, self.rollout.flags());
 
-        let torque = self.torque(measured, record);
-        self.locate(measured, torque.err());
+        let last_tau = *self.last_tau.get_or_insert_with(|| {
+            let shown = Estimate { q: measured.q, qd: measured.qd };
+            rest_torque(self.model, &shown)
+        });
+        let torque = self.torque(measured, &last_tau, record);
+        self.locate(measured, &last_tau);
         if let Err(fault) = torque {
             self.trip(fault);
         }
         let tau = match torque {
             Ok(tau) if self.fault == Fault::None => tau,
-            _ => self.hold(),
+            _ => self.hold(&last_tau),
         };
         if matches!(self.rollout.phase(), Phase::Execute | Phase::Settle) {
             self.n_executed += 1;
@@ -197,7 +213,7 @@ impl<'a> Controller<'a> {
         crate::measured::write(measured, record);
         record.tau.copy_from_slice(tau.as_slice());
         record.fault = self.fault as u32;
-        self.last_tau = tau;
+        self.last_tau = Some(tau);
         self.monitor.commanded(&tau);
         self.tick += 1;
         tau
@@ -206,6 +222,7 @@ impl<'a> Controller<'a> {
     fn torque(
         &mut self,
         measured: &Measurement,
+        last_tau: &JointVector,
         record: &mut TickRecord,
     ) -> Result<JointVector, Fault> {
         if !crate::measured::is_finite(measured) {
@@ -216,7 +233,7 @@ impl<'a> Controller<'a> {
         let state = ArmState::new(self.model, q, qd);
         self.monitor.observe(self.model, measured, &state)?;
         self.check(measured)?;
-        self.rollout.locate(q);
+        self.rollout.locate(q, qd);
         let task = TaskState::new(&state.tip);
         record.x.copy_from_slice(task.x.as_slice());
         record.xd.copy_from_slice(task.xd.as_slice());
@@ -228,7 +245,7 @@ impl<'a> Controller<'a> {
         let raw = match self.rollout.phase() {
             Phase::Idle | Phase::Approach => {
                 record.attractor = record.x;
-                computed_torque(&state, &posture(&self.rollout.posture_reference()))
+                computed_torque(&state, &posture(&self.rollout.posture_reference(q)))
             }
             Phase::Execute | Phase::Settle => {
                 self.check_workspace(&state)?;
@@ -239,7 +256,7 @@ impl<'a> Controller<'a> {
                     .ok_or(Fault::Singular)?
             }
         };
-        self.limit(measured, &raw, record)
+        self.limit(measured, last_tau, &raw, record)
     }
 
     fn check(&self, measured: &Measurement) -> Result<(), Fault> {
@@ -270,18 +287,19 @@ impl<'a> Controller<'a> {
     fn limit(
         &self,
         measured: &Measurement,
+        last_tau: &JointVector,
         raw: &JointVector,
         record: &mut TickRecord,
     ) -> Result<JointVector, Fault> {
         let bounds = self.model.limits();
         let settings = &self.settings;
-        let (push, near_joint_limit) =
-            limits::joint_limit_torque(bounds, &measured.q, settings.joint_margin_rad);
+        let (tau, near_joint_limit) =
+            limits::push_from_joint_limits(bounds, &measured.q, raw, settings.joint_margin_rad);
         let (tau, near_speed_limit) =
-            limits::taper_speed(bounds, &measured.qd, &(raw + push), settings.speed_taper);
+            limits::taper_speed(bounds, &measured.qd, &tau, settings.speed_taper);
         let (tau, clipped) = limits::clamp_torque(bounds, &tau);
         let (tau, rate_limited) =
-            limits::limit_torque_rate(bounds, &self.last_tau, &tau, settings.torque_step);
+            limits::limit_torque_rate(bounds, last_tau, &tau, settings.torque_step);
         for (acted, flag) in [
             (near_joint_limit, FLAG_NEAR_JOINT_LIMIT),
             (near_speed_limit, FLAG_NEAR_SPEED_LIMIT),
@@ -295,25 +313,45 @@ impl<'a> Controller<'a> {
         if limits::is_finite(&tau) { Ok(tau) } else { Err(Fault::TorqueNotFinite) }
     }
 
-    /// Where the arm is, as measured or, where `fault` says otherwise, as it must have gone on.
-    fn locate(&mut self, measured: &Measurement, fault: Option<Fault>) {
-        let is_known = limits::is_finite(&measured.q)
-            && limits::is_finite(&measured.qd)
-            && !self.monitor.is_stale()
-            && !fault.is_some_and(Fault::spoils_joints);
-        if is_known {
-            self.estimate = Estimate { q: measured.q, qd: measured.qd };
-        } else {
-            self.estimate.reckon(self.model, &self.last_tau, self.settings.period_s);
+    /// Where the arm is: as measured or, joint by joint where its sensors are in doubt, as it must
+    /// have gone on under `last_tau`.
+    fn locate(&mut self, measured: &Measurement, last_tau: &JointVector) {
+        let shown = Estimate { q: measured.q, qd: measured.qd };
+        let is_plausible = shown.is_plausible(self.model);
+        let is_new = is_plausible && self.monitor.agrees() && !self.monitor.is_stale();
+        let trust = self.monitor.trust();
+        match &mut self.estimate {
+            None if is_plausible => self.estimate = Some(shown),
+            None => {}
+            Some(estimate) if is_new && trust.is_full() => *estimate = shown,
+            Some(estimate) => {
+                estimate.reckon(self.model, last_tau, self.settings.period_s);
+                for i in (0..self.model.n_joints()).filter(|i| is_new && trust.believes(*i)) {
+                    (estimate.q[i], estimate.qd[i]) = (shown.q[i], shown.qd[i]);
+                }
+            }
         }
     }
 
-    /// Damped gravity hold: τ = g(q) − D q̇. It obeys clamp and rate like any other torque.
-    fn hold(&self) -> JointVector {
-        let (bounds, Estimate { q, qd }) = (self.model.limits(), &self.estimate);
-        let damping = bounds.tau_max * self.settings.hold_damping;
-        let tau = dynamics::gravity_torque(self.model, q) - damping.component_mul(qd);
-        let (tau, _) = limits::clamp_torque(bounds, &tau);
-        limits::limit_torque_rate(bounds, &self.last_tau, &tau, self.settings.torque_step).0
+    /// Damped gravity hold: τ = g(q) − D q̇. It obeys clamp and rate like any other torque, and is
+    /// finite whatever was measured. An arm that has not shown a posture is left to its brakes.
+    fn hold(&self, last_tau: &JointVector) -> JointVector {
+        let bounds = self.model.limits();
+        let wanted = self.estimate.map_or(JointVector::zeros(), |Estimate { q, qd }| {
+            let damping = bounds.tau_max * self.settings.hold_damping;
+            dynamics::gravity_torque(self.model, &q) - damping.component_mul(&qd)
+        });
+        let (tau, _) = limits::clamp_torque(bounds, &wanted);
+        let (tau, _) = limits::limit_torque_rate(bounds, last_tau, &tau, self.settings.torque_step);
+        if limits::is_finite(&tau) { tau } else { *last_tau }
     }
+}
+
+/// What holds a resting arm before the first command, N·m: gravity's torque where the arm can be
+/// there, else nothing is known of it.
+fn rest_torque(model: &ArmModel, shown: &Estimate) -> JointVector {
+    if !shown.is_plausible(model) {
+        return JointVector::zeros();
+    }
+    limits::clamp_torque(model.limits(), &dynamics::gravity_torque(model, &shown.q)).0
 }

@@ -10,7 +10,6 @@ use common::faulty::{Faulty, Switch, Wrong};
 use common::service::{Operator, SOON, Service};
 use common::{controller, message, wam};
 use physics::arm::ArmModel;
-use physics::pancake::WAM7_START_POSTURE;
 use physics::plant::Plant;
 use rt_controller::admission::admit;
 use rt_controller::fault::Fault;
@@ -26,11 +25,13 @@ use shm_types::ports::LearnerPorts;
 const CASES: [(Wrong, Fault, u32); 6] = [
     (Wrong::NotANumber, Fault::MeasurementNotFinite, 2),
     (Wrong::Stale, Fault::MeasurementStale, 7),
-    (Wrong::FrozenSensor, Fault::MeasurementInconsistent, 200),
-    (Wrong::FrozenPosition, Fault::MeasurementInconsistent, 200),
-    (Wrong::Stuck, Fault::UnexpectedForce, 200),
+    (Wrong::FrozenSensor, Fault::MeasurementInconsistent, 50),
+    (Wrong::FrozenPosition, Fault::MeasurementInconsistent, 50),
+    (Wrong::Stuck, Fault::UnexpectedForce, 50),
     (Wrong::Pushed, Fault::UnexpectedForce, 50),
 ];
+/// An arm that is held rests: none of its joints is faster after a second, rad/s.
+const REST: f64 = 0.05;
 
 fn brisk() -> PolicyMsg {
     message(0.15, 500.0)
@@ -50,7 +51,7 @@ fn every_fault_is_found_soon_by_its_name_and_the_arm_is_held_within_bounds() {
         let mut arm = Faulty::new(&model, &config, &switch);
         let mut controller = controller(&model, &config);
         let mut record = TickRecord::ZERO;
-        controller.start(&policy, &WAM7_START_POSTURE);
+        controller.start(&policy);
         let mut cycle = |controller: &mut Controller| {
             let tau = controller.tick(&arm.measure(), &mut record);
             arm.apply(&tau);
@@ -69,27 +70,27 @@ fn every_fault_is_found_soon_by_its_name_and_the_arm_is_held_within_bounds() {
         });
         assert_eq!(controller.latched(), Some(fault), "{wrong:?} after {ticks:?} ticks");
         assert_eq!(controller.phase(), Phase::Idle, "{wrong:?}");
-        let speed = (0..1000).map(|_| cycle(&mut controller)).last().unwrap();
-        // Where a sensor froze unnoticed for some ticks, nobody knows how fast the arm is.
-        let bound = match wrong {
-            Wrong::NotANumber | Wrong::Stale | Wrong::Stuck => 0.2,
-            _ => 6.0,
-        };
-        assert!(speed < bound || wrong == Wrong::Pushed, "{wrong:?}: still at {speed} rad/s");
+        let speeds: Vec<f64> = (0..1000).map(|_| cycle(&mut controller)).collect();
+        let (fastest, last) = (speeds.iter().copied().fold(0.0, f64::max), speeds[999]);
+        println!("{wrong:?} after {ticks:?} ticks: up to {fastest:.2}, then {last:.3} rad/s");
+        match wrong {
+            // Pressed with the whole torque of a joint, the arm yields no faster than it damps.
+            Wrong::Pushed => assert!(fastest < 1.0 / config.hold_damping, "{fastest} rad/s"),
+            _ => assert!(last < REST, "{wrong:?}: still at {last} rad/s"),
+        }
         assert_eq!(controller.latched(), Some(fault), "{wrong:?}");
-        controller.start(&policy, &WAM7_START_POSTURE);
+        controller.start(&policy);
         cycle(&mut controller);
         assert_eq!(controller.phase(), Phase::Idle, "{wrong:?}: no rollout before it is re-armed");
 
         // Mended, it may be re-armed after a while, not at once; what shows nothing at rest, at once.
         switch.set(Wrong::Nothing);
-        if !matches!(wrong, Wrong::Stuck | Wrong::Pushed) {
+        if !matches!(wrong, Wrong::Stuck | Wrong::Pushed | Wrong::FrozenPosition) {
             controller.rearm();
             assert_eq!(controller.latched(), Some(fault), "{wrong:?}: too early");
         }
-        for _ in 0..1500 {
-            cycle(&mut controller);
-        }
+        let speed = (0..1500).map(|_| cycle(&mut controller)).last().unwrap();
+        assert!(speed < REST, "{wrong:?}, over: still at {speed} rad/s");
         controller.rearm();
         assert_eq!(controller.latched(), None, "{wrong:?}");
         switch.expect_torques_in_bounds();

@@ -72,7 +72,7 @@ impl<'a> Driver<'a> {
         let mut controller = common::controller(model, config);
         let mut arm = IdealArm::new(model, &WAM7_START_POSTURE, config.period_s(), 0.01);
         let harmless = admit(&common::message(0.0, 200.0), model, config).unwrap();
-        controller.start(&harmless, &WAM7_START_POSTURE);
+        controller.start(&harmless);
         let (mut last, mut record) = (JointVector::zeros(), TickRecord::ZERO);
         while controller.phase() != Phase::Execute {
             last = controller.tick(&arm.measure(), &mut record);
@@ -132,7 +132,7 @@ impl<'a> Driver<'a> {
         let start = if rng.random_bool(0.7) { WAM7_START_POSTURE } else { q };
         let mut arm = IdealArm::new(self.model, &start, config.period_s(), 0.01);
         let mut controller = common::controller(self.model, config);
-        controller.start(policy, &start);
+        controller.start(policy);
         let mut last = None;
         while controller.phase() != Phase::Idle {
             let tau = self.tick(&mut controller, &arm.measure(), last.as_ref());

@@ -75,6 +75,10 @@ struct Spy<'a> {
 }
 
 impl Plant for Spy<'_> {
+    fn is_simulated(&self) -> bool {
+        true
+    }
+
     fn reset(&mut self) {
         self.arm.reset();
     }

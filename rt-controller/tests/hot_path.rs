@@ -80,7 +80,8 @@ fn rollout(
     mut check: impl FnMut(&TickRecord, &JointVector),
 ) -> u32 {
     plant.reset();
-    controller.start(policy, &plant.measure().q);
+    controller.enter_fresh_world();
+    controller.start(policy);
     let mut ticks = 0;
     while controller.phase() != Phase::Idle {
         let measured = measure(ticks, plant.measure());
@@ -103,8 +104,10 @@ fn a_tick_does_not_touch_the_heap_in_100_000_ticks() {
     while ticks < 100_000 {
         if controller.phase() == Phase::Idle {
             bench.plant.reset();
-            let q = bench.plant.measure().q;
-            operations += heap_operations(|| controller.start(&policies[next % 2], &q));
+            operations += heap_operations(|| {
+                controller.enter_fresh_world();
+                controller.start(&policies[next % 2])
+            });
             next += 1;
         }
         let measured = bench.plant.measure();

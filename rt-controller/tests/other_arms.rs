@@ -64,7 +64,7 @@ fn three_joint_arm_follows_a_position_policy() {
 
     let mut plant = PancakePlant::new(&model, &q0, &PancakeConfig::default());
     let mut controller = Controller::new(&model, &q0, &config, &OutcomeConfig::default());
-    controller.start(&policy, &plant.measure().q);
+    controller.start(&policy);
     let mut last = TickRecord::ZERO;
     while controller.phase() != Phase::Idle {
         let tau = controller.tick(&plant.measure(), &mut last);

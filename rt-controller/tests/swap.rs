@@ -29,7 +29,7 @@ fn swapped(
     let policy = |message: &PolicyMsg| -> Policy { admit(message, model, config).unwrap() };
     let mut arm = IdealArm::new(model, &WAM7_START_POSTURE, config.period_s(), 0.01);
     let mut controller = controller(model, config);
-    controller.start(&policy(from), &WAM7_START_POSTURE);
+    controller.start(&policy(from));
     let (mut ticks, mut executed) = (Vec::new(), 0);
     while controller.phase() != Phase::Idle {
         if matches!(controller.phase(), Phase::Execute | Phase::Settle) {
@@ -144,7 +144,7 @@ fn a_tripped_loop_holds_until_the_next_rollout() {
     let mut arm = IdealArm::new(&model, &WAM7_START_POSTURE, config.period_s(), 0.01);
     let mut controller = controller(&model, &config);
     let mut record = TickRecord::ZERO;
-    controller.start(&policy, &WAM7_START_POSTURE);
+    controller.start(&policy);
     for _ in 0..100 {
         arm.apply(&controller.tick(&arm.measure(), &mut record));
         arm.advance();
@@ -154,6 +154,6 @@ fn a_tripped_loop_holds_until_the_next_rollout() {
     assert_eq!((record.fault, controller.phase()), (Fault::Overrun as u32, Phase::Idle));
     controller.trip(Fault::Singular);
     assert_eq!(controller.fault(), Fault::Overrun, "the first fault is the one that is told");
-    controller.start(&policy, &arm.measure().q);
+    controller.start(&policy);
     assert_eq!(controller.fault(), Fault::None);
 }

@@ -128,7 +128,8 @@ impl<'a> Loop<'a> {
     pub fn begin_if_idle(&mut self) {
         if self.controller.phase() == Phase::Idle {
             self.plant.reset();
-            self.controller.start(&self.policy, &self.plant.measure().q);
+            self.controller.enter_fresh_world();
+            self.controller.start(&self.policy);
         }
     }
 

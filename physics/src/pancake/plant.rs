@@ -38,6 +38,10 @@ impl PancakePlant {
 }
 
 impl Plant for PancakePlant {
+    fn is_simulated(&self) -> bool {
+        true
+    }
+
     /// Builds a fresh world: putting the old one back in place is not bit-identical, because
     /// Rapier keeps contacts, warm starts and its broad phase.
     fn reset(&mut self) {
@@ -48,7 +52,8 @@ impl Plant for PancakePlant {
     fn measure(&self) -> Measurement {
         let Scene { world, arm, pancake } = &self.scene;
         let object = object_state(world, *pancake);
-        Measurement { q: arm.q(world), qd: arm.qd(world), object, sample: self.sample }
+        let t_ns = self.sample * (self.config.period_s * 1e9).round() as u64;
+        Measurement { q: arm.q(world), qd: arm.qd(world), object, sample: self.sample, t_ns }
     }
 
     fn apply(&mut self, tau: &JointVector) {

@@ -77,8 +77,6 @@ pub struct Faulty<'a> {
     tau: JointVector,
     /// Largest step of a torque, N·m.
     step: JointVector,
-    /// The first torque after a reset may be any.
-    is_fresh: bool,
     period_s: f64,
 }
 
@@ -87,8 +85,16 @@ impl<'a> Faulty<'a> {
         let period_s = config.period_s();
         let arm = IdealArm::new(model, &WAM7_START_POSTURE, period_s, 0.01);
         let step = model.limits().tau_max * (config.torque_rate * period_s * (1.0 + 1e-12));
-        let (shown, tau) = (arm.measure(), JointVector::zeros());
-        Faulty { model, arm, switch, shown, tau, step, is_fresh: true, period_s }
+        let shown = arm.measure();
+        // It rests in what holds it.
+        let tau = dynamics::gravity_torque(model, &WAM7_START_POSTURE);
+        Faulty { model, arm, switch, shown, tau, step, period_s }
+    }
+
+    /// Lets `n` further periods pass under the last torque, unseen: the host stood still.
+    pub fn stall(&mut self, n: u32) {
+        (0..n).for_each(|_| self.arm.advance());
+        self.show();
     }
 
     /// The arm as it is, whatever it shows.
@@ -129,7 +135,7 @@ impl<'a> Faulty<'a> {
         } else if self.switch.is(Wrong::Stale) {
             self.shown = old;
         } else if self.switch.is(Wrong::FrozenSensor) {
-            self.shown = Measurement { sample: truth.sample, ..old };
+            self.shown = Measurement { sample: truth.sample, t_ns: truth.t_ns, ..old };
         } else if self.switch.is(Wrong::FrozenPosition) {
             self.shown.q = old.q;
         }
@@ -137,9 +143,13 @@ impl<'a> Faulty<'a> {
 }
 
 impl Plant for Faulty<'_> {
+    fn is_simulated(&self) -> bool {
+        true
+    }
+
     fn reset(&mut self) {
         self.arm.reset();
-        self.is_fresh = true;
+        self.tau = dynamics::gravity_torque(self.model, &WAM7_START_POSTURE);
         self.show();
     }
 
@@ -150,12 +160,12 @@ impl Plant for Faulty<'_> {
     fn apply(&mut self, tau: &JointVector) {
         for i in 0..self.model.n_joints() {
             let is_within = tau[i].abs() <= self.model.limits().tau_max[i]
-                && (self.is_fresh || (tau[i] - self.tau[i]).abs() <= self.step[i]);
+                && (tau[i] - self.tau[i]).abs() <= self.step[i];
             if !is_within {
                 self.switch.is_broken.store(true, Ordering::Relaxed);
             }
         }
-        (self.tau, self.is_fresh) = (*tau, false);
+        self.tau = *tau;
     }
 
     fn advance(&mut self) {
