@@ -79,7 +79,7 @@ fn spoil(model: &ArmModel, config: &ControllerConfig, at: usize, n: usize, f: Sp
     assert!(there.qd.abs().max() < 0.1, "held: {}", there.qd.transpose());
     controller.start(&policy);
     let mut executed = false;
-    for _ in 0..25_000 {
+    while controller.phase() != Phase::Idle {
         let tau = tick(&mut controller, &arm.measure());
         arm.apply(&tau);
         arm.advance();
