@@ -118,6 +118,7 @@ fn the_arm_knows_no_simulator_and_the_hot_path_no_ports() {
         "measured.rs",
         "latch.rs",
         "estimate.rs",
+        "trust.rs",
     ];
     for word in ["iceoryx2", "shm_types::ports", "shm_types::channel", "tracing::", "Box<", "Vec<"]
     {

@@ -116,3 +116,57 @@ impl Latch {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use physics::arm::ArmModel;
+    use physics::ideal::IdealArm;
+    use physics::outcome::OutcomeConfig;
+    use physics::pancake::WAM7_START_POSTURE;
+    use physics::plant::Plant;
+    use shm_types::episode::TickRecord;
+
+    use crate::config::ControllerConfig;
+
+    /// The answer is read while the loop writes it: old latch and new answer never come together.
+    #[test]
+    fn an_answer_is_never_that_of_before() {
+        let urdf = include_str!("../../robots/wam7/wam7_pan.urdf");
+        let model = ArmModel::from_urdf(urdf, "pan").unwrap();
+        let (config, outcome) = (ControllerConfig::default(), OutcomeConfig::default());
+        let mut controller = Controller::new(&model, &WAM7_START_POSTURE, &config, &outcome);
+        let mut arm = IdealArm::new(&model, &WAM7_START_POSTURE, config.period_s(), 0.01);
+        for _ in 0..300 {
+            let tau = controller.tick(&arm.measure(), &mut { TickRecord::ZERO });
+            arm.apply(&tau);
+            arm.advance();
+        }
+        assert!(!controller.is_cause_present());
+        let (latch, stop) = (Latch::new(), AtomicBool::new(false));
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                while !stop.load(Ordering::Relaxed) {
+                    latch.follow(&mut controller);
+                }
+            });
+            for round in 0..20_000 {
+                latch.hold();
+                while latch.fault().is_none() {
+                    std::hint::spin_loop();
+                }
+                latch.ask();
+                let answer = loop {
+                    if let Some(answer) = latch.answer() {
+                        break answer;
+                    }
+                };
+                if answer != Ok(()) {
+                    stop.store(true, Ordering::Relaxed);
+                    panic!("round {round}: re-armed, but told {answer:?}");
+                }
+            }
+            stop.store(true, Ordering::Relaxed);
+        });
+    }
+}

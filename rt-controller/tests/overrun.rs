@@ -14,7 +14,7 @@ use rt_controller::fault::Fault;
 use rt_controller::run::{Controlled, RunError};
 use rt_controller::{ControllerConfig, Pace};
 use shm_types::cell::Cell;
-use shm_types::command::Status;
+use shm_types::command::{COMMAND_PIN, Command, Status};
 
 fn config() -> ControllerConfig {
     ControllerConfig { period_us: 2000, overruns_max: 5, ..Default::default() }
@@ -38,6 +38,33 @@ fn late_ticks_in_a_row_hold_the_arm_and_a_rollout_in_time_runs_again() {
         std::thread::sleep(Duration::from_millis(50));
         operator.activate(id);
         operator.until("a rollout without fault", is(Fault::None));
+    });
+    switch.expect_torques_in_bounds();
+}
+
+#[test]
+fn no_rollout_begins_while_the_loop_keeps_overrunning() {
+    let (model, config, switch) = (wam(), config(), Switch::new());
+    let pace = Pace::Realtime;
+    let service = Service { name: "over", model: &model, config: &config, pace, state: None };
+    service.run(&mut Faulty::new(&model, &config, &switch), |operator| {
+        let id = operator.import(message(0.005, 200.0));
+        operator.activate(id);
+        operator.ok(Command::new(COMMAND_PIN, 0));
+        operator.until("service", |status| status.rollouts_served > 0);
+        switch.set(Wrong::Late);
+        operator.until("the hold", |status| status.fault == Fault::Overrun as u64);
+        // The rollout that was cut short is counted by now, or in a moment.
+        std::thread::sleep(Duration::from_millis(100));
+        let (served, tick) = (operator.status().rollouts_served, operator.status().tick);
+        operator.until("100 late ticks", |status| status.tick > tick + 100);
+        let status = operator.status();
+        assert_eq!(status.rollouts_served, served, "a rollout began on a host that is late");
+        assert_eq!(status.fault, Fault::Overrun as u64, "said as long as it lasts");
+        switch.set(Wrong::Nothing);
+        operator.until("service again", |status| {
+            status.fault == Fault::None as u64 && status.rollouts_served > served
+        });
     });
     switch.expect_torques_in_bounds();
 }
