@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result, bail};
 use learner::Demonstration;
-use physics::arm::kinematics;
+use physics::arm::{ArmModel, kinematics};
 
 use crate::Verdict;
 use crate::cli::demo::{DemoArgs, DemoVerb, ImportArgs};
@@ -47,11 +47,11 @@ fn import(args: &ImportArgs) -> Result<Verdict> {
     let demonstration = Demonstration::parse(&args.out.display().to_string(), &csv)?;
     let effort = setup::check_demonstration(&config, &model, &demonstration)
         .and_then(|()| Effort::of(&model, &q0, &demonstration));
-    let misfit = match &effort {
-        Ok(effort) => effort.excess(demonstration.file()),
-        Err(_) => None,
-    };
-    let misfit = effort.as_ref().err().or(misfit.as_ref());
+    let too_fast = effort.as_ref().ok().filter(|effort| !effort.is_within_limits()).map(|effort| {
+        let slow = slow_enough(&file, &bytes, &config, &model, &options, effort);
+        effort.excess(demonstration.file(), slow)
+    });
+    let misfit = effort.as_ref().err().or(too_fast.as_ref());
     write_new(&args.out, &csv)?;
     let summary = Summary {
         out: &args.out,
@@ -66,4 +66,29 @@ fn import(args: &ImportArgs) -> Result<Verdict> {
         print(&summary.text())?;
     }
     Ok(if misfit.is_none() { Verdict::Done } else { Verdict::Negative })
+}
+
+/// A factor for --slow with which the arm can follow. Samples of a slower movement show more of it, so
+/// each factor is tried.
+fn slow_enough(
+    file: &str,
+    bytes: &[u8],
+    config: &Config,
+    model: &ArmModel,
+    options: &Options,
+    effort: &Effort,
+) -> Option<f64> {
+    let (mut options, mut effort) = (options.clone(), effort.clone());
+    for _ in 0..10 {
+        options.slow = (10.0 * options.slow * effort.slow).floor() / 10.0 + 0.1;
+        // One decimal is enough to type.
+        options.slow = (10.0 * options.slow).round() / 10.0;
+        let imported = demo::import(file, bytes, model, &options).ok()?;
+        let demonstration = Demonstration::parse(file, &imported.csv()).ok()?;
+        effort = Effort::of(model, &config.plant.start_posture(), &demonstration).ok()?;
+        if effort.is_within_limits() {
+            return Some(options.slow);
+        }
+    }
+    None
 }

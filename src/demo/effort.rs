@@ -7,8 +7,6 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use physics::arm::{ArmModel, JointVector, MAX_JOINTS, dynamics, inverse_kinematics};
 use serde_json::json;
 
-/// A slower demonstration is sampled anew and may come out a little different.
-const MARGIN: f64 = 1.03;
 /// Samples at each end whose accelerations are not known: nothing was recorded beyond.
 const ENDS: usize = 2;
 
@@ -47,7 +45,7 @@ pub struct Effort {
     pub torque: Peak,
     /// N·m, of gravity alone
     pub holding: Peak,
-    /// How many times slower it would be within the limits.
+    /// How many times slower it would be within the limits, by these samples.
     pub slow: f64,
 }
 
@@ -88,33 +86,40 @@ impl Effort {
         Ok(effort)
     }
 
-    /// Why the arm cannot follow at this speed, with the place and what to do.
-    pub fn excess(&self, file: &str) -> Option<anyhow::Error> {
-        let Effort { speed, torque, holding, .. } = self;
-        let Peak { joint, t_s, value, limit } = holding;
-        if holding.share() > 1.0 {
-            return Some(anyhow!(
+    /// Every joint stays within its limits.
+    pub fn is_within_limits(&self) -> bool {
+        [&self.speed, &self.torque, &self.holding].iter().all(|peak| peak.share() <= 1.0)
+    }
+
+    /// Why the arm cannot follow at this speed, with the place and what to do; `slow` is a factor that
+    /// is slow enough.
+    pub fn excess(&self, file: &str, slow: Option<f64>) -> anyhow::Error {
+        let Peak { joint, t_s, value, limit } = &self.holding;
+        if self.holding.share() > 1.0 {
+            return anyhow!(
                 "{file}: joint {joint} needs {value:.3} N·m to hold the arm still at t = {t_s:.2} s, and \
                  its limit is {limit} N·m: move the demonstration, or take a stronger arm"
-            ));
+            );
         }
-        let place = |peak: &Peak, unit: &str, verb: &str| {
+        let place = |peak: &Peak, verb: &str, unit: &str| {
             let Peak { joint, t_s, value, limit } = peak;
             (peak.share() > 1.0).then(|| {
-                format!("joint {joint} {verb} {value:.3} {unit} at t = {t_s:.2} s, and its limit is {limit} {unit}")
+                format!(
+                    "joint {joint} {verb} {value:.3} {unit} at t = {t_s:.2} s, and its limit is {limit} \
+                     {unit}"
+                )
             })
         };
-        let places = [place(speed, "rad/s", "turns at"), place(torque, "N·m", "needs")];
+        let places = [place(&self.speed, "turns at", "rad/s"), place(&self.torque, "needs", "N·m")];
         let places: Vec<String> = places.into_iter().flatten().collect();
-        if places.is_empty() {
-            return None;
-        }
-        let slow = (10.0 * MARGIN * self.slow).ceil() / 10.0;
-        Some(anyhow!(
-            "{file}: too fast for this arm: {}: import it again with --slow {slow}, which plays it {slow} \
-             times slower; noise in a recording is taken out with --smooth-s",
+        let remedy = match slow {
+            Some(slow) => format!("import it with --slow {slow}, slow enough for its limits"),
+            None => "import it with --slow FACTOR, or move it with --at-start".into(),
+        };
+        anyhow!(
+            "{file}: too fast for this arm: {}: {remedy}; --smooth-s takes noise out of a recording",
             places.join("; ")
-        ))
+        )
     }
 }
 

@@ -5,6 +5,7 @@ use learner::trajectory::sample;
 
 /// A pause longer than this many usual periods is worth a warning.
 const GAP_PERIODS: f64 = 5.0;
+const MIN_ROWS: usize = 3;
 
 /// Rows with some cells empty, at strictly increasing times.
 pub struct Sparse {
@@ -25,12 +26,15 @@ pub struct Dense {
 /// after the last value of some column are left out. `names` are those of the columns.
 pub fn fill(file: &str, names: &[&str], sparse: &Sparse) -> Result<Dense> {
     let Sparse { times_s, lines, rows } = sparse;
+    if rows.len() < MIN_ROWS {
+        bail!("{file}: {} rows: record at least {MIN_ROWS}, better 100 a second", rows.len());
+    }
     let (mut first, mut end) = (0, rows.len());
     let (mut columns, mut pauses, mut filled) = (Vec::new(), Vec::new(), None);
     for (c, name) in names.iter().enumerate() {
         let known: Vec<usize> = (0..rows.len()).filter(|k| rows[*k][c].is_some()).collect();
         let [start, .., last] = known.as_slice() else {
-            bail!("{file}: column {name} holds {} values: record at least 3", known.len());
+            bail!("{file}: column {name} holds {} values: record at least {MIN_ROWS}", known.len());
         };
         (first, end) = (first.max(*start), end.min(last + 1));
         let at: Vec<f64> = known.iter().map(|k| times_s[*k]).collect();
@@ -41,13 +45,15 @@ pub fn fill(file: &str, names: &[&str], sparse: &Sparse) -> Result<Dense> {
             false => sample(&at, &values, times_s),
         });
     }
-    if end < first + 3 {
-        bail!("{file}: {} rows: record at least 3, better 100 a second", end.saturating_sub(first));
+    if end < first + MIN_ROWS {
+        bail!(
+            "{file}: the columns have values at {} common times: record at least {MIN_ROWS}",
+            end.saturating_sub(first)
+        );
     }
     let mut n_filled = 0;
     for (k, row) in rows.iter().enumerate().take(end).skip(first) {
-        for (value, name) in row.iter().zip(names).filter(|(value, _)| value.is_none()) {
-            debug_assert!(value.is_none());
+        for (_, name) in row.iter().zip(names).filter(|(value, _)| value.is_none()) {
             n_filled += 1;
             filled = filled.or(Some((lines[k], *name)));
         }

@@ -22,7 +22,7 @@ mod summary;
 mod time;
 
 use anyhow::{Result, bail};
-use learner::demonstration::DURATION_S;
+use learner::demonstration::{DURATION_S, MIN_POINTS};
 use learner::trajectory::Pose;
 use nalgebra::Isometry3;
 use physics::arm::ArmModel;
@@ -33,10 +33,12 @@ use recording::{Recording, check_turn};
 pub use summary::Summary;
 
 /// A recorded time that is this little outside of a bound is at it, s.
-const ROUNDING_S: f64 = 1e-9;
+/// Seconds since 1970 have 52 bits, so this much is noise.
+const ROUNDING_S: f64 = 1e-6;
 /// Angles that print as zero need no column, rad.
 const NO_ANGLE_RAD: f64 = 5e-10;
 
+#[derive(Clone)]
 pub struct Options {
     pub rate_hz: f64,
     /// Width of the smoothing, see [`learner::smoothing::smooth`].
@@ -82,6 +84,16 @@ pub fn import(file: &str, bytes: &[u8], model: &ArmModel, options: &Options) -> 
             DURATION_S.end()
         );
     }
+    let n = ((duration - ROUNDING_S) * options.rate_hz).ceil() as usize;
+    if duration < *DURATION_S.start() - ROUNDING_S || n + 1 < MIN_POINTS {
+        bail!(
+            "{file}: {duration:.3} s from start to end, {} samples at {} Hz: a demonstration lasts at \
+             least {} s and has {MIN_POINTS} samples: record more of it",
+            n + 1,
+            options.rate_hz,
+            DURATION_S.start()
+        );
+    }
     if let Some(width_s) = options.smooth_s {
         let period = (last - first) / (times_s.len() - 1) as f64;
         if width_s < period {
@@ -91,7 +103,6 @@ pub fn import(file: &str, bytes: &[u8], model: &ArmModel, options: &Options) -> 
             );
         }
     }
-    let n = ((duration - ROUNDING_S) * options.rate_hz).ceil() as usize;
     let rate = options.rate_hz * options.slow;
     let at: Vec<f64> = (0..=n).map(|k| (start + k as f64 / rate).min(end)).collect();
     let relative = options.at_start.is_some();

@@ -134,7 +134,10 @@ fn a_pause_is_a_warning_with_its_line() {
 
 #[test]
 fn refuses_each_bad_row_and_names_its_line() {
-    let with = |header: &str, row: &str| format!("{header}\n{row}\n{row}\n{row}\n");
+    let with = |header: &str, row: &str| {
+        let values = row.split_once(',').unwrap().1;
+        format!("{header}\n0,{values}\n0.1,{values}\n0.2,{values}\n")
+    };
     let poses = |row: &str| format!("t_s,x_m,y_m,z_m\n0.0,1,2,3\n0.1,1,2,3\n{row}\n0.3,1,2,3\n");
     let q = "t_s,qw,qx,qy,qz,x_m,y_m,z_m";
     let joints = "t_s,q1_rad,q2_rad,q3_rad,q4_rad,q5_rad,q6_rad,q7_rad";
@@ -146,6 +149,11 @@ fn refuses_each_bad_row_and_names_its_line() {
         (poses("0.2,1,2"), vec!["line 4", "3 values instead of 4"]),
         (poses("0.05,1,2,3"), vec!["line 4", "must increase", "sort"]),
         ("t_s,x_m,y_m,z_m\n0,1,2,3\n".into(), vec!["1 rows", "at least 3"]),
+        (poses("0.1,1,2,3").replace("\n0.3,1,2,3", ""), vec!["2 rows", "at least 3"]),
+        (
+            poses("0.02,1,2,3").replace("\n0.1,", "\n0.01,").replace("\n0.3,", "\n0.03,"),
+            vec!["r.csv: 0.030 s", "at least 0.1 s"],
+        ),
         (poses("1e15,1,2,3").replace("0.3,", "1e16,"), vec!["r.csv", "at most 30 s", "unit"]),
         (with(q, "0,2,0,0,0,1,2,3"), vec!["line 2", "norm 2.000"]),
         (with(q, "0,0,1,0,0,1,2,3"), vec!["line 2", "jump at π"]),
