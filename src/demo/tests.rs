@@ -12,6 +12,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
 mod dialects;
+mod recorders;
 
 use super::*;
 use crate::setup::{PANCAKE_DEMONSTRATION, WAM7_URDF};
