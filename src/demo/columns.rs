@@ -45,10 +45,22 @@ impl Columns {
         mapping: &[Assignment],
     ) -> Result<Columns> {
         let search = Search { fields, joint_names, mapping };
-        let (quantities, warnings) = search.quantities()?;
         let time = match search.mapped("t", TIME)? {
-            Some(column) => vec![column],
-            None => time::columns(fields)?,
+            Some(column) => Ok(vec![column]),
+            None => time::columns(fields),
+        };
+        let (time, (quantities, warnings)) = match (time, search.quantities()) {
+            (Ok(time), Ok(quantities)) => (time, quantities),
+            (Err(error), Ok((quantities, _))) => {
+                bail!("{error}; recognised are {}", listed(&quantities.columns()))
+            }
+            (Ok(time), Err(error)) => {
+                bail!(
+                    "{error}; recognised is the time, {}",
+                    listed(&time.iter().collect::<Vec<_>>())
+                )
+            }
+            (Err(error), Err(_)) => return Err(error),
         };
         let mut columns =
             Columns { time, quantities, ignored: Vec::new(), warnings, recorder: recorder(fields) };
@@ -61,9 +73,20 @@ impl Columns {
         Ok(columns)
     }
 
-    /// Those of the quantities, in the order of [`Quantities`].
+    /// Those of the quantities.
     pub fn values(&self) -> Vec<&Column> {
-        match &self.quantities {
+        self.quantities.columns()
+    }
+
+    fn used(&self) -> Vec<&Column> {
+        self.time.iter().chain(self.values()).collect()
+    }
+}
+
+impl Quantities {
+    /// In the order of their declaration.
+    fn columns(&self) -> Vec<&Column> {
+        match self {
             Quantities::Joints(joints) => joints.iter().collect(),
             Quantities::Task(position, orientation) => {
                 let mut used: Vec<&Column> = position.iter().collect();
@@ -76,10 +99,10 @@ impl Columns {
             }
         }
     }
+}
 
-    fn used(&self) -> Vec<&Column> {
-        self.time.iter().chain(self.values()).collect()
-    }
+fn listed(columns: &[&Column]) -> String {
+    columns.iter().map(|column| column.name.as_str()).collect::<Vec<_>>().join(", ")
 }
 
 struct Search<'a> {

@@ -35,6 +35,7 @@ impl Line<'_> {
             return Ok(None);
         }
         let advice = match self.mark {
+            _ if text.contains(':') => "dates and times of day are not read: write seconds",
             DecimalMark::Point => "use a finite number such as 0.72, or remove the row",
             DecimalMark::Comma => {
                 "use a finite number, with the decimal comma of the other rows, or remove the row"

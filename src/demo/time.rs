@@ -54,8 +54,9 @@ fn rank(words: &[String]) -> Option<usize> {
     is_unit.then_some(NAMES.len() + ENDINGS.len())
 }
 
+/// The name of a time; a bare unit is none here, for it may stand in a row of units.
 pub fn is_name(words: &[String]) -> bool {
-    rank(words).is_some()
+    rank(words).is_some_and(|rank| rank < NAMES.len() + ENDINGS.len())
 }
 
 /// The column of the time; two that add up where seconds and nanoseconds have one each.

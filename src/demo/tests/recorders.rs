@@ -169,3 +169,20 @@ fn what_may_be_meant_otherwise_is_said() {
     );
     assert!((gap.poses[40][0] - 0.04).abs() < 1e-9);
 }
+
+#[test]
+fn units_and_names_may_stand_in_comments_and_dates_are_told() {
+    let table =
+        |heading: &str| format!("{heading}\n{}", rows(|k| format!("{},780,0,{}", 10 * k, 700 + k)));
+    for heading in [
+        "# t, x, y, z\n# ms, mm, mm, mm",
+        "t,x,y,z\nms,mm,mm,mm",
+        "Rate,100,Hz\nt,x,y,z\n[ms],[mm],[mm],[mm]",
+    ] {
+        let imported = imported(&table(heading), &AS_IT_IS);
+        assert!((imported.poses[100][2] - 0.8).abs() < 1e-9, "{heading}");
+    }
+    let dates = table("time,x_mm,y_mm,z_mm").replace("\n500,", "\n2024-05-01T12:00:00,");
+    let message = import("r.csv", &dates, &arm(), &AS_IT_IS).err().unwrap().to_string();
+    assert!(message.contains("line 52") && message.contains("dates"), "{message}");
+}
