@@ -192,7 +192,7 @@ impl Family<'_> {
             [ending] => ENDINGS.contains(ending),
             _ => false,
         };
-        let last = self.before.last()?;
+        let last = self.before.iter().rfind(|word| !MEASURED_WORDS.contains(word))?;
         let is_position = match *last {
             "j" | "axis" => self.before.len() == 1,
             word => POSITION_WORDS.contains(&word) || self.is_lerobot(),

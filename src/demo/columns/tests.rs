@@ -121,6 +121,7 @@ fn knows_the_names_that_recorders_write() {
             "stamp.sec stamp.nanosec",
             "joint_1 joint_2",
         ),
+        ("time,q_des_1,q_des_2,q_meas_1,q_meas_2", 2, "time", "q_meas_1 q_meas_2"),
         (",time,J1,J2", 2, "time", "J1 J2"),
         ("Seconds,Joint1Position,Joint2Position", 2, "Seconds", "Joint1Position Joint2Position"),
     ] {
