@@ -161,7 +161,8 @@ fn check_reach(model: &ArmModel, q0: &JointVector, demonstration: &Demonstration
             if gap > START_TOLERANCE_M || turn > START_TOLERANCE_RAD {
                 bail!(
                     "{file}: begins {gap:.3} m and {turn:.3} rad from the pan in the start posture \
-                     ({:.3}, {:.3}, {:.3}) m: begin there, or change plant.start_posture_rad",
+                     ({:.3}, {:.3}, {:.3}) m: begin there (`skillet demo import --at-start` moves it), or \
+                     change plant.start_posture_rad",
                     start.translation.x,
                     start.translation.y,
                     start.translation.z

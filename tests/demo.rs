@@ -50,3 +50,150 @@ fn nothing_is_overwritten_and_what_the_arm_cannot_do_is_said() {
     let drafts = left.iter().filter(|file| file.file_name().to_string_lossy().ends_with(".new"));
     assert_eq!(drafts.count(), 0);
 }
+
+/// Three joints: it cannot turn its pan as it likes.
+const SMALL_ARM: &str = r#"<robot name="small"><link name="base"/>
+  <link name="a"><inertial><origin xyz="0 0 0.1"/><mass value="0.3"/><inertia ixx="0.001" ixy="0" ixz="0" iyy="0.001" iyz="0" izz="0.0003"/></inertial></link>
+  <link name="b"><inertial><origin xyz="0.1 0 0"/><mass value="0.2"/><inertia ixx="0.0002" ixy="0" ixz="0" iyy="0.0008" iyz="0" izz="0.0008"/></inertial></link>
+  <link name="c"><inertial><origin xyz="0.1 0 0"/><mass value="0.1"/><inertia ixx="0.0001" ixy="0" ixz="0" iyy="0.0004" iyz="0" izz="0.0004"/></inertial></link>
+  <link name="pan"><inertial><origin xyz="0 0 0"/><mass value="0.5"/><inertia ixx="0.002" ixy="0" ixz="0" iyy="0.002" iyz="0" izz="0.004"/></inertial></link>
+  <joint name="yaw" type="revolute"><origin xyz="0 0 0.2"/><parent link="base"/><child link="a"/><axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="20" velocity="5"/></joint>
+  <joint name="shoulder" type="revolute"><origin xyz="0 0 0.2"/><parent link="a"/><child link="b"/><axis xyz="0 1 0"/><limit lower="-2" upper="2" effort="20" velocity="5"/></joint>
+  <joint name="elbow" type="revolute"><origin xyz="0.25 0 0"/><parent link="b"/><child link="c"/><axis xyz="0 1 0"/><limit lower="-2" upper="2" effort="20" velocity="5"/></joint>
+  <joint name="wrist" type="fixed"><origin xyz="0.25 0 0"/><parent link="c"/><child link="pan"/></joint>
+</robot>"#;
+
+#[test]
+fn an_arm_with_few_joints_follows_what_it_recorded_itself() {
+    let bench = Bench::new();
+    bench.write("arm.urdf", SMALL_ARM);
+    bench.write(
+        "my.toml",
+        "[task]\ndemonstration = \"d.csv\"\n[plant]\narm = \"arm.urdf\"\ntip = \"pan\"\n\
+         start_posture_rad = [0.0, -0.5, 0.5]\n",
+    );
+    // With six decimals, at the rate of a slow bus.
+    let row = |k: usize| {
+        let (t, lift) = (0.008 * k as f64, 1.0 - (0.05 * k as f64).cos());
+        format!("{t:.3},{:.6},{:.6},{:.6}\n", 0.1 * lift, -0.5 - 0.12 * lift, 0.5 + 0.09 * lift)
+    };
+    let rows: String = (0..126).map(row).collect();
+    bench.write("joints.csv", &format!("t_s,q1_rad,q2_rad,q3_rad\n{rows}"));
+    let import = |more: &[&str]| {
+        let all = [&["demo", "import", "joints.csv", "--config", "my.toml"][..], more].concat();
+        let said = bench.ok(&all);
+        assert!(said.contains("the arm reaches all of it"), "{said}");
+    };
+    import(&["--smooth-s", "0.03", "--out", "smooth.csv"]);
+    import(&["--rate-hz", "30", "--out", "coarse.csv"]);
+    import(&["--out", "d.csv"]);
+    // Its own poses, as another tool would have recorded them: rounded to the micrometre.
+    let poses = util::text(&bench.path("d.csv"));
+    let rounded = |cell: &str| match cell.parse::<f64>() {
+        Ok(number) => format!("{number:.6}"),
+        Err(_) => cell.to_string(),
+    };
+    let line = |line: &str| line.split(',').map(rounded).collect::<Vec<_>>().join(",");
+    bench.write("poses.csv", &poses.lines().map(line).collect::<Vec<_>>().join("\n"));
+    bench.ok(&["demo", "import", "poses.csv", "--config", "my.toml", "--out", "e.csv"]);
+    bench.ok(&["learn", "pancake", "--config", "my.toml", "--rollouts", "3", "--out", "few"]);
+
+    // What it cannot do is refused with numbers that say how far it is.
+    let sideways = poses.lines().enumerate().map(|(i, line)| {
+        let mut cells: Vec<String> = line.split(',').map(Into::into).collect();
+        if i > 20 {
+            cells[5] = "0.06".into();
+        }
+        cells.join(",")
+    });
+    bench.write("tilted.csv", &sideways.collect::<Vec<_>>().join("\n"));
+    let output =
+        bench.run(&["demo", "import", "tilted.csv", "--config", "my.toml", "--out", "f.csv"]);
+    let said = String::from_utf8(output.stdout).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("3 joints controls only 3") && !said.contains(" 0.0000 "), "{said}");
+}
+
+/// The built-in demonstration, so many times quicker.
+fn quicker(factor: f64) -> String {
+    let line = |line: &str| match line.split_once(',') {
+        Some((t, rest)) if t != "t_s" => {
+            format!("{:.6},{rest}\n", t.parse::<f64>().unwrap() / factor)
+        }
+        _ => format!("{line}\n"),
+    };
+    DEMONSTRATION.lines().map(line).collect()
+}
+
+#[test]
+fn a_demonstration_too_fast_for_the_arm_is_refused_with_the_place_and_a_factor() {
+    let bench = Bench::new();
+    bench.write("rec.csv", &quicker(6.0));
+    let import = |more: &[&str]| bench.run(&[&["demo", "import", "rec.csv"][..], more].concat());
+    let output = import(&["--out", "fast.csv", "--json"]);
+    assert_eq!(output.status.code(), Some(1));
+    let printed: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(printed["fits_arm"], false);
+    let torque = &printed["joint_torque_peak"];
+    assert!(torque["value"].as_f64() > torque["limit"].as_f64(), "{torque}");
+    assert!(torque["joint"].is_string() && torque["t_s"].as_f64() > Some(0.0));
+    let misfit = printed["misfit"].as_str().unwrap();
+    for word in ["too fast", "joint ", "at t = 0.", "its limit is", "--slow "] {
+        assert!(misfit.contains(word), "no '{word}' in: {misfit}");
+    }
+    // The factor it gives is enough.
+    let factor = misfit.split("--slow ").nth(1).unwrap().split(',').next().unwrap();
+    let output = import(&["--out", "slow.csv", "--slow", factor]);
+    let said = String::from_utf8(output.stdout).unwrap();
+    assert_eq!(output.status.code(), Some(0), "{said}");
+    assert!(said.contains("the arm reaches all of it"), "{said}");
+    bench.refused(&["demo", "import", "rec.csv", "--out", "e.csv", "--slow", "0"], &["0.1 to 100"]);
+}
+
+#[test]
+fn a_demonstration_from_elsewhere_is_moved_to_the_start() {
+    let bench = Bench::new();
+    let line = |line: &str| {
+        let cells: Vec<&str> = line.split(',').collect();
+        match cells[1].parse::<f64>() {
+            Ok(x) => format!("{},{},7.0,{},{}\n", cells[0], x + 2.0, cells[3], cells[4]),
+            Err(_) => format!("{line}\n"),
+        }
+    };
+    bench.write("rec.csv", &DEMONSTRATION.lines().map(line).collect::<String>());
+    let import = |more: &[&str]| bench.run(&[&["demo", "import", "rec.csv"][..], more].concat());
+    let output = import(&["--out", "far.csv"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(String::from_utf8(output.stdout).unwrap().contains("--at-start"));
+    assert_eq!(import(&["--out", "near.csv", "--at-start"]).status.code(), Some(0));
+    assert_eq!(util::text(&bench.path("near.csv")).lines().count(), 142);
+}
+
+#[test]
+fn tables_as_others_write_them_are_read_and_other_files_named() {
+    let bench = Bench::new();
+    let rows: String =
+        (0..60).map(|k| format!("{},{:02};0,78;0;0,72;0\r\n", k / 100, k % 100)).collect();
+    bench.write("rec.csv", &format!("t_s;x_m;y_m;z_m;pitch_rad\r\n{rows}"));
+    let import = |more: &[&str]| [&["demo", "import"][..], more].concat();
+    let said = bench.ok(&import(&["rec.csv", "--out", "d.csv"]));
+    assert!(said.contains("UTF-8, semicolons, decimal comma"), "{said}");
+
+    let utf16: Vec<u8> = std::fs::read_to_string(bench.path("rec.csv"))
+        .unwrap()
+        .replace("t_s;x_m", "Zeit;X")
+        .encode_utf16()
+        .flat_map(u16::to_le_bytes)
+        .collect();
+    std::fs::write(bench.path("utf16.csv"), utf16).unwrap();
+    bench.refused(
+        &import(&["utf16.csv", "--out", "e.csv"]),
+        &["no time", "Zeit, X, y_m", "--columns"],
+    );
+    bench.ok(&import(&["utf16.csv", "--out", "e.csv", "--columns", "t_s=Zeit,x_m=X"]));
+    assert_eq!(util::text(&bench.path("d.csv")), util::text(&bench.path("e.csv")));
+
+    std::fs::write(bench.path("rec.npy"), b"\x93NUMPY\x01\x00v\x00{'descr'").unwrap();
+    bench.refused(&import(&["rec.npy", "--out", "f.csv"]), &["rec.npy", "NumPy", "savetxt"]);
+    bench.refused(&import(&["rec.csv", "--out", "f.csv", "--columns", "w=a"]), &["`w`", "use t"]);
+}

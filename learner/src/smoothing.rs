@@ -2,37 +2,46 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::trajectory::Pose;
-
 /// Samples farther than this many widths weigh nothing: e^(−4.5) of the middle one.
 const REACH: f64 = 3.0;
 
-/// Local quadratic regression with Gaussian weights: the smoothed pose at tₖ is a of
+/// Local quadratic regression with Gaussian weights: the smoothed sample at tₖ is a of
 ///
 /// min over a, b, c of Σᵢ exp(−½uᵢ²)·(xᵢ − a − b·uᵢ − c·uᵢ²)²,  uᵢ = (tᵢ − tₖ)/h, |uᵢ| ≤ 3,
 ///
 /// with h = `width_s` (s), each coordinate on its own. A parabola comes back unchanged, at the ends
 /// as well: peaks and ends keep their place, unlike under a moving average.
 ///
-/// `times_s` (s) increases strictly and is as long as `poses`. A pose with fewer than two others within
-/// 3h stays as it is.
-pub fn smooth(times_s: &[f64], poses: &[Pose], width_s: f64) -> Vec<Pose> {
-    (0..poses.len()).map(|k| smoothed(times_s, poses, k, width_s).unwrap_or(poses[k])).collect()
+/// `times_s` (s) increases strictly and is as long as `samples` (poses or joints). A sample with fewer
+/// than two others within 3h stays as it is.
+pub fn smooth<const N: usize>(
+    times_s: &[f64],
+    samples: &[[f64; N]],
+    width_s: f64,
+) -> Vec<[f64; N]> {
+    (0..samples.len())
+        .map(|k| smoothed(times_s, samples, k, width_s).unwrap_or(samples[k]))
+        .collect()
 }
 
-fn smoothed(times_s: &[f64], poses: &[Pose], k: usize, width_s: f64) -> Option<Pose> {
+fn smoothed<const N: usize>(
+    times_s: &[f64],
+    samples: &[[f64; N]],
+    k: usize,
+    width_s: f64,
+) -> Option<[f64; N]> {
     let t = times_s[k];
     let first = times_s.partition_point(|&other| other < t - REACH * width_s);
     let end = times_s.partition_point(|&other| other <= t + REACH * width_s);
     // Normal equations of the three coefficients; a is the first of them.
     let mut normal = Matrix3::zeros();
-    let mut right = [Vector3::zeros(); shm_types::TASK_DIM];
+    let mut right = [Vector3::zeros(); N];
     for i in first..end {
         let u = (times_s[i] - t) / width_s;
         let basis = Vector3::new(1.0, u, u * u);
         let weighted = basis * (-0.5 * u * u).exp();
         normal += weighted * basis.transpose();
-        right.iter_mut().zip(poses[i]).for_each(|(sum, x)| *sum += weighted * x);
+        right.iter_mut().zip(samples[i]).for_each(|(sum, x)| *sum += weighted * x);
     }
     if end - first < 3 {
         return None;
@@ -44,6 +53,7 @@ fn smoothed(times_s: &[f64], poses: &[Pose], k: usize, width_s: f64) -> Option<P
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::trajectory::Pose;
 
     fn uneven() -> Vec<f64> {
         (0..100).map(|k| k as f64 * 0.01 + 0.003 * (k % 3) as f64).collect()

@@ -5,6 +5,8 @@ use shm_types::TASK_DIM;
 /// x, y, z, pitch, roll, yaw in m and rad.
 pub type Pose = [f64; TASK_DIM];
 
+// What follows treats each coordinate on its own and takes any number of them: poses or joints.
+
 /// Sampling period of every trajectory after [`resample`], s (nearly: it divides the duration).
 pub const PERIOD_S: f64 = 0.01;
 /// Jitter of the recorded times below which a trajectory counts as uniform already, s.
@@ -30,7 +32,7 @@ pub fn resample(times_s: &[f64], poses: &[Pose]) -> (f64, Vec<Pose>) {
 
 /// The poses at `at_s` (s, increasing): on the cubic Hermite curve through `poses` at `times_s`, which
 /// increase strictly and are at least two. Before the first and after the last pose the curve is held.
-pub fn sample(times_s: &[f64], poses: &[Pose], at_s: &[f64]) -> Vec<Pose> {
+pub fn sample<const N: usize>(times_s: &[f64], poses: &[[f64; N]], at_s: &[f64]) -> Vec<[f64; N]> {
     let slopes = hermite_slopes(times_s, poses);
     let mut segment = 0;
     at_s.iter()
@@ -59,7 +61,7 @@ pub fn retime(poses: &[Pose], period_s: f64, source: impl Fn(f64) -> f64) -> Vec
 
 /// Slope at each knot: the derivative of the parabola through it and its neighbours; at the ends
 /// the slope of the chord.
-fn hermite_slopes(times_s: &[f64], poses: &[Pose]) -> Vec<Pose> {
+fn hermite_slopes<const N: usize>(times_s: &[f64], poses: &[[f64; N]]) -> Vec<[f64; N]> {
     let chord =
         |i: usize, c: usize| (poses[i + 1][c] - poses[i][c]) / (times_s[i + 1] - times_s[i]);
     let last = poses.len() - 1;
@@ -78,7 +80,13 @@ fn hermite_slopes(times_s: &[f64], poses: &[Pose]) -> Vec<Pose> {
         .collect()
 }
 
-fn hermite(times_s: &[f64], poses: &[Pose], slopes: &[Pose], i: usize, t: f64) -> Pose {
+fn hermite<const N: usize>(
+    times_s: &[f64],
+    poses: &[[f64; N]],
+    slopes: &[[f64; N]],
+    i: usize,
+    t: f64,
+) -> [f64; N] {
     let width = times_s[i + 1] - times_s[i];
     let u = ((t - times_s[i]) / width).clamp(0.0, 1.0);
     let (u2, u3) = (u * u, u * u * u);
@@ -96,10 +104,13 @@ fn hermite(times_s: &[f64], poses: &[Pose], slopes: &[Pose], i: usize, t: f64) -
 /// ẋₖ = (−2xₖ₋₂ − xₖ₋₁ + xₖ₊₁ + 2xₖ₊₂) / 10h,  ẍₖ = (2xₖ₋₂ − xₖ₋₁ − 2xₖ − xₖ₊₁ + 2xₖ₊₂) / 7h².
 ///
 /// Beyond its ends the trajectory is held: a rollout starts and ends at rest.
-pub fn derivatives(poses: &[Pose], period_s: f64) -> (Vec<Pose>, Vec<Pose>) {
+pub fn derivatives<const N: usize>(
+    poses: &[[f64; N]],
+    period_s: f64,
+) -> (Vec<[f64; N]>, Vec<[f64; N]>) {
     let last = poses.len() as isize - 1;
     let at = |k: isize, c: usize| poses[k.clamp(0, last) as usize][c];
-    let stencil = |weights: [f64; 5], scale: f64| -> Vec<Pose> {
+    let stencil = |weights: [f64; 5], scale: f64| -> Vec<[f64; N]> {
         (0..=last)
             .map(|k| {
                 std::array::from_fn(|c| {

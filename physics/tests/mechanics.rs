@@ -182,6 +182,40 @@ fn inverse_kinematics_refuses_what_is_out_of_reach() {
 }
 
 #[test]
+fn an_arm_with_few_joints_reaches_its_own_rounded_poses_and_no_others() {
+    let model = ArmModel::from_urdf(OBLIQUE_ARM, "tool").unwrap();
+    let mut rng = ChaCha8Rng::seed_from_u64(18);
+    for _ in 0..50 {
+        let (q, _) = random_state(&model, &mut rng);
+        let mut target = tip_pose(&model, &q);
+        target.translation.vector.iter_mut().for_each(|x| *x = (*x * 1e6).round() / 1e6);
+        let turn = target.rotation.scaled_axis().map(|x| (x * 1e6).round() / 1e6);
+        target.rotation = nalgebra::UnitQuaternion::from_scaled_axis(turn);
+        let mut near = q;
+        (0..model.n_joints()).for_each(|i| near[i] += 0.02);
+        let found = inverse_kinematics::solve(&model, &target, &near).unwrap();
+        assert!(
+            (tip_pose(&model, &found).translation.vector - target.translation.vector).norm() < 1e-5
+        );
+
+        // A turn that the three joints cannot give alone.
+        let J = TipKinematics::new(&model, &q, &JointVector::zeros()).J;
+        let outside = (J * J.transpose()).symmetric_eigen().eigenvectors.column(0).into_owned();
+        let smallest = (J.transpose() * outside).norm();
+        if smallest < 1e-6 {
+            let turn = nalgebra::Vector3::new(outside[3], outside[4], outside[5]) * 0.05;
+            let mut away = tip_pose(&model, &q);
+            away.translation.vector +=
+                nalgebra::Vector3::new(outside[0], outside[1], outside[2]) * 0.05;
+            away.rotation = nalgebra::UnitQuaternion::from_scaled_axis(turn) * away.rotation;
+            let message = inverse_kinematics::solve(&model, &away, &q).unwrap_err().to_string();
+            assert!(message.contains("3 joints controls only 3"), "{message}");
+            assert!(!message.contains(" 0.0000 "), "{message}");
+        }
+    }
+}
+
+#[test]
 fn start_posture_holds_the_pan_level() {
     let X_WP = tip_pose(&wam_with_pan(), &WAM7_START_POSTURE);
     let expected = nalgebra::Vector3::new(0.78, 0.0, 0.72);

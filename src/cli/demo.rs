@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
+use crate::demo::Assignment;
+
 #[derive(Args)]
 pub struct DemoArgs {
     #[command(subcommand)]
@@ -21,17 +23,25 @@ pub enum DemoVerb {
 Examples:
   skillet demo import recording.csv --out my_demo.csv
   skillet demo import joints.csv --config my.toml --smooth-s 0.03 --start 1.2 --end 3.0 --out my_demo.csv
+  skillet demo import elsewhere.csv --at-start --slow 2 --out my_demo.csv
+  skillet demo import log.txt --columns t_ms=stamp,q1=joint_a,q2_deg=joint_b --out my_demo.csv
 
-Columns, in any order, each with its unit; others are not read:
-  t_s (or _ms, _us, _ns), and either
+Any table of text: commas, semicolons, tabs, spaces or | between the columns, decimal point or comma,
+UTF-8, UTF-16 or Latin-1, comments after #, % or //. Columns in any order; others are not read:
+  t_s (or _ms, _us, _ns)   time, also since 1970, and either
   q1_rad, q2_rad, …        joints of the configured arm (or _deg)
   x_m, y_m, z_m            tip in the world frame (or _cm, _mm), and its orientation:
                            pitch_rad, roll_rad, yaw_rad (or _deg; y, x, z of the rotation vector,
                            0 when absent), or a unit quaternion qw, qx, qy, qz
+Units may also stand in the header, as in 't [s]' or 'q1 (deg)', or in a row below it. Without a unit,
+lengths are m, angles rad, and the size of the steps tells the unit of the time. The names that
+`rostopic echo -p`, PlotJuggler, TUM/evo, EuRoC, UR RTDE, LeRobot and libfranka write are known;
+--columns says what no name does.
 
-Exit code 1 when the file is written but the configured arm cannot follow it.")]
+Exit code 1 when the file is written but the configured arm cannot follow it: out of reach, or faster
+than its joint speeds and torques allow.")]
 pub struct ImportArgs {
-    /// Recording (CSV with a header)
+    /// Recording (CSV, or any table of text)
     pub file: PathBuf,
     /// Demonstration to write; never overwrites a file
     #[arg(long)]
@@ -42,12 +52,22 @@ pub struct ImportArgs {
     /// Smooth by parabolas fitted with Gaussian weights of this standard deviation, s
     #[arg(long, value_parser = positive)]
     pub smooth_s: Option<f64>,
-    /// Begin here, s in the time of the recording
+    /// Begin here, s since the first row of the recording
     #[arg(long, value_name = "S", value_parser = finite, allow_hyphen_values = true)]
     pub start: Option<f64>,
-    /// End here, s in the time of the recording
+    /// End here, s since the first row of the recording
     #[arg(long, value_name = "S", value_parser = finite, allow_hyphen_values = true)]
     pub end: Option<f64>,
+    /// Play it this many times slower than it was recorded
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = slow)]
+    pub slow: f64,
+    /// Move it so that it begins at the arm's start posture; its directions stay
+    #[arg(long)]
+    pub at_start: bool,
+    /// Say which column is what: t, q1, q2, …, x, y, z, qw, …, pitch, roll, yaw, with a unit as in
+    /// q1_deg; a column by its name or its number from 1
+    #[arg(long, value_name = "QUANTITY=COLUMN,…", value_delimiter = ',')]
+    pub columns: Vec<Assignment>,
     /// Configuration file (TOML) with the arm: plant.arm, plant.tip, plant.start_posture_rad
     #[arg(long)]
     pub config: Option<PathBuf>,
@@ -68,4 +88,11 @@ fn positive(text: &str) -> Result<f64, String> {
 fn rate(text: &str) -> Result<f64, String> {
     let rate: Option<f64> = text.parse().ok();
     rate.filter(|rate| (20.0..=1000.0).contains(rate)).ok_or("use 20 to 1000 Hz".into())
+}
+
+fn slow(text: &str) -> Result<f64, String> {
+    let factor: Option<f64> = text.parse().ok();
+    factor
+        .filter(|factor| (0.1..=100.0).contains(factor))
+        .ok_or("use a factor of 0.1 to 100".into())
 }

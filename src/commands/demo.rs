@@ -2,11 +2,12 @@
 
 use anyhow::{Context, Result, bail};
 use learner::Demonstration;
+use physics::arm::{ArmModel, kinematics};
 
 use crate::Verdict;
 use crate::cli::demo::{DemoArgs, DemoVerb, ImportArgs};
 use crate::config::Config;
-use crate::demo::{self, Options, Summary};
+use crate::demo::{self, Effort, Options, Summary};
 use crate::output::{print, print_json, write_new};
 use crate::setup;
 
@@ -27,31 +28,67 @@ fn import(args: &ImportArgs) -> Result<Verdict> {
     }
     let model = setup::arm(&config)?;
     let file = args.file.display().to_string();
-    let text = std::fs::read_to_string(&args.file)
+    let bytes = std::fs::read(&args.file)
         .with_context(|| format!("{file}: cannot read the recording; check the path"))?;
+    let q0 = config.plant.start_posture();
     let options = Options {
         rate_hz: args.rate_hz,
         smooth_s: args.smooth_s,
         start_s: args.start,
         end_s: args.end,
+        slow: args.slow,
+        at_start: args.at_start.then(|| kinematics::tip_pose(&model, &q0)),
+        columns: args.columns.clone(),
     };
-    let imported = demo::import(&file, &text, &model, &options)?;
+    let imported = demo::import(&file, &bytes, &model, &options)?;
     imported.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
 
     let csv = imported.csv();
     let demonstration = Demonstration::parse(&args.out.display().to_string(), &csv)?;
-    let fit = setup::check_demonstration(&config, &model, &demonstration);
+    let effort = setup::check_demonstration(&config, &model, &demonstration)
+        .and_then(|()| Effort::of(&model, &q0, &demonstration));
+    let too_fast = effort.as_ref().ok().filter(|effort| !effort.is_within_limits()).map(|effort| {
+        let slow = slow_enough(&file, &bytes, &config, &model, &options, effort);
+        effort.excess(demonstration.file(), slow)
+    });
+    let misfit = effort.as_ref().err().or(too_fast.as_ref());
     write_new(&args.out, &csv)?;
     let summary = Summary {
         out: &args.out,
         imported: &imported,
         demonstration: &demonstration,
-        misfit: fit.as_ref().err(),
+        effort: effort.as_ref().ok(),
+        misfit,
     };
     if args.json {
         print_json(&summary.json())?;
     } else {
         print(&summary.text())?;
     }
-    Ok(if fit.is_ok() { Verdict::Done } else { Verdict::Negative })
+    Ok(if misfit.is_none() { Verdict::Done } else { Verdict::Negative })
+}
+
+/// A factor for --slow with which the arm can follow. Samples of a slower movement show more of it, so
+/// each factor is tried.
+fn slow_enough(
+    file: &str,
+    bytes: &[u8],
+    config: &Config,
+    model: &ArmModel,
+    options: &Options,
+    effort: &Effort,
+) -> Option<f64> {
+    let (mut options, mut effort) = (options.clone(), effort.clone());
+    for _ in 0..10 {
+        options.slow = (10.0 * options.slow * effort.slow).floor() / 10.0 + 0.1;
+        // One decimal is enough to type.
+        options.slow = (10.0 * options.slow).round() / 10.0;
+        let imported = demo::import(file, bytes, model, &options).ok()?;
+        let demonstration = Demonstration::parse(file, &imported.csv()).ok()?;
+        effort = Effort::of(model, &config.plant.start_posture(), &demonstration).ok()?;
+        if effort.is_within_limits() {
+            return Some(options.slow);
+        }
+    }
+    None
 }

@@ -1,25 +1,18 @@
-//! The header of a recording → where its quantities are, and in which unit.
+//! The columns of a recording → where its quantities are, and in which unit.
 
 use anyhow::{Result, bail};
-use csv::StringRecord;
 
-type Units = &'static [(&'static str, f64)];
-
-const TIME: Units = &[("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)];
-const LENGTH: Units = &[("m", 1.0), ("cm", 1e-2), ("mm", 1e-3)];
-const ANGLE: Units = &[("rad", 1.0), ("deg", std::f64::consts::PI / 180.0)];
+pub use super::fields::Column;
+use super::fields::Fields;
+use super::joints;
+use super::mapping::Assignment;
+use super::names::{ANGLE, LENGTH, NONE, TIME, Units};
+use super::pose;
+pub use super::pose::Orientation;
+use super::time;
 
 /// Header for messages that say what to write.
 pub const TASK_HEADER: &str = "t_s,x_m,y_m,z_m,pitch_rad";
-
-/// One quantity of a recording.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Column {
-    pub index: usize,
-    pub name: String,
-    /// SI units in one unit of the column.
-    pub scale: f64,
-}
 
 /// What the rows say.
 #[derive(Debug, PartialEq)]
@@ -31,214 +24,247 @@ pub enum Quantities {
     Task([Column; 3], Orientation),
 }
 
-#[derive(Debug, PartialEq)]
-pub enum Orientation {
-    /// Pitch, roll, yaw: the y, x, z components of the rotation vector; 0 where absent.
-    RotationVector([Option<Column>; 3]),
-    /// w, x, y, z.
-    Quaternion([Column; 4]),
-}
-
-#[derive(Debug, PartialEq)]
+#[derive(Debug)]
 pub struct Columns {
-    pub time: Column,
+    /// One, or seconds and nanoseconds, which add up.
+    pub time: Vec<Column>,
     pub quantities: Quantities,
     /// Names of the columns nobody asked for.
     pub ignored: Vec<String>,
+    pub warnings: Vec<String>,
+    /// What writes such a file, where the names tell.
+    pub recorder: Option<&'static str>,
 }
 
 impl Columns {
-    /// Finds the columns by their names, in any order; `n_joints` is what the arm has.
-    pub fn find(file: &str, header: &StringRecord, n_joints: usize) -> Result<Columns> {
-        let search = Search { file, header };
-        let time = search.required("t", TIME)?;
-        let joints = search.joints(n_joints)?;
-        let position = search.all(["x", "y", "z"], LENGTH)?;
-        let quantities = match (joints, position) {
-            (Some(_), Some(_)) => bail!(
-                "{file}, line 1: holds both joints (q1…) and positions (x…): remove the columns that \
-                 should not count"
-            ),
-            (Some(joints), None) => Quantities::Joints(joints),
-            (None, Some(position)) => Quantities::Task(position, search.orientation()?),
-            (None, None) => bail!(
-                "{file}, line 1: the header `{}` has neither joints nor positions: use \
-                 t_s,q1_rad,…,q{n_joints}_rad or {TASK_HEADER}, with commas between (also _deg, _mm)",
-                search.text()
-            ),
+    /// Finds the columns by `mapping` first, then by their names, in any order; `joint_names` are the
+    /// arm's.
+    pub fn find(
+        fields: &Fields,
+        joint_names: &[String],
+        mapping: &[Assignment],
+    ) -> Result<Columns> {
+        let search = Search { fields, joint_names, mapping };
+        let time = match search.mapped("t", TIME)? {
+            Some(column) => Ok(vec![column]),
+            None => time::columns(fields),
         };
-        let mut columns = Columns { time, quantities, ignored: Vec::new() };
-        let used: Vec<usize> = columns.used().iter().map(|column| column.index).collect();
-        let unused = header.iter().enumerate().filter(|(i, _)| !used.contains(i));
-        columns.ignored = unused.map(|(_, name)| name.to_string()).collect();
+        let (time, (quantities, warnings)) = match (time, search.quantities()) {
+            (Ok(time), Ok(quantities)) => (time, quantities),
+            (Err(error), Ok((quantities, _))) => {
+                bail!("{error}; recognised are {}", listed(&quantities.columns()))
+            }
+            (Ok(time), Err(error)) => {
+                bail!(
+                    "{error}; recognised is the time, {}",
+                    listed(&time.iter().collect::<Vec<_>>())
+                )
+            }
+            (Err(error), Err(_)) => return Err(error),
+        };
+        let mut columns =
+            Columns { time, quantities, ignored: Vec::new(), warnings, recorder: recorder(fields) };
+        let used = columns.used();
+        let is_used = |field: &&super::fields::Field| {
+            used.iter().any(|column| (column.index, column.element) == (field.index, field.element))
+        };
+        let unused = fields.all.iter().filter(|field| !is_used(field) && !field.text.is_empty());
+        columns.ignored = unused.map(|field| field.text.clone()).collect();
         Ok(columns)
     }
 
+    /// Those of the quantities.
+    pub fn values(&self) -> Vec<&Column> {
+        self.quantities.columns()
+    }
+
     fn used(&self) -> Vec<&Column> {
-        let mut used = vec![&self.time];
-        match &self.quantities {
-            Quantities::Joints(joints) => used.extend(joints),
+        self.time.iter().chain(self.values()).collect()
+    }
+}
+
+impl Quantities {
+    /// In the order of their declaration.
+    fn columns(&self) -> Vec<&Column> {
+        match self {
+            Quantities::Joints(joints) => joints.iter().collect(),
             Quantities::Task(position, orientation) => {
-                used.extend(position);
+                let mut used: Vec<&Column> = position.iter().collect();
                 match orientation {
                     Orientation::RotationVector(angles) => used.extend(angles.iter().flatten()),
                     Orientation::Quaternion(parts) => used.extend(parts),
+                    Orientation::Matrix(entries) => used.extend(entries.iter()),
                 }
+                used
             }
         }
-        used
     }
+}
+
+fn listed(columns: &[&Column]) -> String {
+    columns.iter().map(|column| column.name.as_str()).collect::<Vec<_>>().join(", ")
 }
 
 struct Search<'a> {
-    file: &'a str,
-    header: &'a StringRecord,
+    fields: &'a Fields<'a>,
+    joint_names: &'a [String],
+    mapping: &'a [Assignment],
 }
 
 impl Search<'_> {
-    fn text(&self) -> String {
-        self.header.iter().collect::<Vec<_>>().join(",")
-    }
-
-    /// The column `<quantity>_<unit>` with one of `units`.
-    fn find(&self, quantity: &str, units: Units) -> Result<Option<Column>> {
-        let file = self.file;
-        let mut found: Option<Column> = None;
-        for (index, name) in self.header.iter().enumerate() {
-            let unit = name.strip_prefix(quantity).and_then(|rest| rest.strip_prefix('_'));
-            let Some((_, scale)) = units.iter().find(|(known, _)| Some(*known) == unit) else {
-                continue;
-            };
-            if let Some(first) = &found {
-                bail!("{file}, line 1: both {} and {name} give {quantity}: keep one", first.name);
-            }
-            found = Some(Column { index, name: name.into(), scale: *scale });
+    /// The column that --columns names for `quantity`.
+    fn mapped(&self, quantity: &str, units: Units) -> Result<Option<Column>> {
+        let mut assigned = self.mapping.iter().filter(|a| a.quantity == quantity);
+        let Some(assignment) = assigned.next() else { return Ok(None) };
+        if assigned.next().is_some() {
+            bail!("--columns names {quantity} twice: give it once");
         }
-        Ok(found)
+        let field = self.fields.named(&assignment.column)?;
+        let stated = assignment.unit.as_deref().or(field.name.unit.as_deref());
+        self.fields.column_in(field, units, stated).map(Some)
     }
 
-    fn required(&self, quantity: &str, units: Units) -> Result<Column> {
-        let Some(column) = self.find(quantity, units)? else {
-            let names: Vec<String> =
-                units.iter().map(|(unit, _)| format!("{quantity}_{unit}")).collect();
-            bail!(
-                "{}, line 1: the header `{}` has no {}: name the column so, with its unit",
-                self.file,
-                self.text(),
-                names.join(" or ")
-            );
+    fn is_mapped(&self, quantities: &[&str]) -> bool {
+        self.mapping.iter().any(|assignment| quantities.contains(&assignment.quantity.as_str()))
+    }
+
+    fn quantities(&self) -> Result<(Quantities, Vec<String>)> {
+        let is_joint = |assignment: &Assignment| {
+            assignment.quantity.strip_prefix('q').is_some_and(|rest| rest.parse::<usize>().is_ok())
         };
-        Ok(column)
-    }
-
-    /// All of `quantities`, or none of them.
-    fn all<const N: usize>(
-        &self,
-        quantities: [&str; N],
-        units: Units,
-    ) -> Result<Option<[Column; N]>> {
-        let mut any = false;
-        for quantity in quantities {
-            any |= self.find(quantity, units)?.is_some();
+        let (joints, position) =
+            (self.mapping.iter().any(is_joint), self.is_mapped(&["x", "y", "z"]));
+        if joints && position {
+            bail!("--columns names both joints (q1…) and positions (x…): keep one of them");
         }
-        if !any {
-            return Ok(None);
+        if joints {
+            return Ok((Quantities::Joints(self.mapped_joints()?), Vec::new()));
         }
-        let columns: Result<Vec<Column>> =
-            quantities.iter().map(|quantity| self.required(quantity, units)).collect();
-        Ok(Some(columns?.try_into().expect("as many as asked for")))
-    }
-
-    /// q1 to q<n>, or none.
-    fn joints(&self, n_joints: usize) -> Result<Option<Vec<Column>>> {
-        if self.find("q1", ANGLE)?.is_none() {
-            return Ok(None);
+        if position {
+            return Ok((self.mapped_pose()?, Vec::new()));
         }
-        if let Some(extra) = self.find(&format!("q{}", n_joints + 1), ANGLE)? {
-            bail!(
-                "{}, line 1: column {}, but the arm has {n_joints} joints: choose the arm of the \
-                 recording with --config (plant.arm, plant.tip)",
-                self.file,
-                extra.name
-            );
-        }
-        (1..=n_joints)
-            .map(|i| self.required(&format!("q{i}"), ANGLE))
-            .collect::<Result<_>>()
-            .map(Some)
-    }
-
-    fn orientation(&self) -> Result<Orientation> {
-        let mut angles = [None, None, None];
-        for (angle, name) in angles.iter_mut().zip(["pitch", "roll", "yaw"]) {
-            *angle = self.find(name, ANGLE)?;
-        }
-        let plain = |name: &str| -> Option<Column> {
-            let index = self.header.iter().position(|column| column == name)?;
-            Some(Column { index, name: name.into(), scale: 1.0 })
-        };
-        let parts: Vec<Column> = ["qw", "qx", "qy", "qz"].into_iter().filter_map(plain).collect();
-        let has_angles = angles.iter().any(Option::is_some);
-        match (parts.len(), has_angles) {
-            (0, _) => Ok(Orientation::RotationVector(angles)),
-            (4, false) => {
-                Ok(Orientation::Quaternion(parts.try_into().expect("four parts were counted")))
-            }
-            (4, true) => bail!(
-                "{}, line 1: holds a quaternion and pitch, roll or yaw: keep one of them",
-                self.file
+        let (fields, at) = (self.fields, self.fields.at());
+        let joints = joints::find(fields, self.joint_names);
+        let pose = pose::find(fields);
+        match (joints, pose) {
+            (Ok(Some(joints)), Ok(Some(pose))) if joints.is_plain && pose.is_plain => bail!(
+                "{at}: holds both joints (q1…) and positions (x…): remove the columns that should not \
+                 count, or say which do with --columns"
             ),
-            (n, _) => bail!(
-                "{}, line 1: {n} of the columns qw,qx,qy,qz: a quaternion needs all four",
-                self.file
+            (Ok(Some(joints)), _) => {
+                Ok((Quantities::Joints(joints.columns), joints.warning.into_iter().collect()))
+            }
+            (Ok(None) | Err(_), Ok(Some(pose))) => {
+                let orientation = match self.mapped_orientation()? {
+                    Some(orientation) => orientation,
+                    None => pose.orientation,
+                };
+                Ok((Quantities::Task(pose.position, orientation), Vec::new()))
+            }
+            (Err(error), _) | (Ok(None), Err(error)) => Err(error),
+            (Ok(None), Ok(None)) => bail!(
+                "{at}: has neither joints nor positions that are recognised: name the columns \
+                 t_s,q1_rad,…,q{}_rad or {TASK_HEADER} (also _deg, _mm), or say which they are with \
+                 --columns q1=NAME,… or x=NAME,…; {}",
+                self.joint_names.len(),
+                fields.listing()
             ),
         }
     }
+
+    /// q1 to q<n>, each as mapped or by its own name.
+    fn mapped_joints(&self) -> Result<Vec<Column>> {
+        let n = self.joint_names.len();
+        let number = |a: &Assignment| a.quantity.strip_prefix('q')?.parse::<usize>().ok();
+        if let Some(extra) = self.mapping.iter().filter_map(number).find(|number| *number > n) {
+            bail!(
+                "--columns names q{extra}, but the arm has {n} joints: choose the arm of the recording \
+                 with --config (plant.arm, plant.tip)"
+            );
+        }
+        (1..=n).map(|i| self.mapped_or_plain(&format!("q{i}"), ANGLE)).collect()
+    }
+
+    fn mapped_pose(&self) -> Result<Quantities> {
+        let [x, y, z] = ["x", "y", "z"].map(|axis| self.mapped_or_plain(axis, LENGTH));
+        let orientation = match self.mapped_orientation()? {
+            Some(orientation) => orientation,
+            None => pose::orientation(self.fields, &[])?,
+        };
+        Ok(Quantities::Task([x?, y?, z?], orientation))
+    }
+
+    fn mapped_orientation(&self) -> Result<Option<Orientation>> {
+        let (angles, parts) = (["pitch", "roll", "yaw"], ["qw", "qx", "qy", "qz"]);
+        match (self.is_mapped(&angles), self.is_mapped(&parts)) {
+            (false, false) => Ok(None),
+            (true, true) => {
+                bail!("--columns names a quaternion and pitch, roll or yaw: keep one of them")
+            }
+            (true, false) => {
+                let [pitch, roll, yaw] = angles.map(|angle| self.mapped(angle, ANGLE));
+                Ok(Some(Orientation::RotationVector([pitch?, roll?, yaw?])))
+            }
+            (false, true) => {
+                let [w, x, y, z] = parts.map(|part| self.mapped_or_plain(part, NONE));
+                Ok(Some(Orientation::Quaternion([w?, x?, y?, z?])))
+            }
+        }
+    }
+
+    /// As mapped, or the column that is called so.
+    fn mapped_or_plain(&self, quantity: &str, units: Units) -> Result<Column> {
+        if let Some(column) = self.mapped(quantity, units)? {
+            return Ok(column);
+        }
+        let is_it = |field: &&super::fields::Field| field.name.words.concat() == quantity;
+        let mut found = self.fields.all.iter().filter(is_it);
+        match (found.next(), found.next()) {
+            (Some(field), None) => self.fields.column(field, units),
+            (Some(a), Some(b)) => {
+                bail!(
+                    "{}: both {} and {} give {quantity}: say which with --columns {quantity}=NAME",
+                    self.fields.at(),
+                    a.text,
+                    b.text
+                )
+            }
+            (None, _) => bail!(
+                "{}: --columns does not name {quantity}, and no column is called so: add {quantity}=NAME; \
+                 {}",
+                self.fields.at(),
+                self.fields.listing()
+            ),
+        }
+    }
+}
+
+/// What writes columns of such names.
+fn recorder(fields: &Fields) -> Option<&'static str> {
+    if fields.is_tum {
+        return Some("TUM trajectory");
+    }
+    if fields.all.first().is_some_and(|field| field.text == "__time") {
+        return Some("PlotJuggler");
+    }
+    let has = |words: &[&str]| {
+        fields.all.iter().any(|field| {
+            let name = &field.name.words;
+            name.len() >= words.len() && name.iter().zip(words).all(|(a, b)| a == b)
+        })
+    };
+    [
+        ("rostopic echo -p", &["field", "header"][..]),
+        ("UR RTDE", &["actual", "q"]),
+        ("UR RTDE", &["actual", "tcp", "pose"]),
+        ("LeRobot", &["observation", "state"]),
+        ("libfranka", &["state", "q"]),
+        ("libfranka", &["o", "t", "ee"]),
+    ]
+    .into_iter()
+    .find(|(_, words)| has(words))
+    .map(|(recorder, _)| recorder)
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn find(header: &str) -> Result<Columns> {
-        Columns::find("r.csv", &StringRecord::from(header.split(',').collect::<Vec<_>>()), 2)
-    }
-
-    #[test]
-    fn finds_columns_in_any_order_with_their_units() {
-        let columns = find("q2_deg,qd1_rad_s,t_ms,q1_rad").unwrap();
-        assert_eq!((columns.time.index, columns.time.scale), (2, 1e-3));
-        assert_eq!(columns.ignored, ["qd1_rad_s"]);
-        let Quantities::Joints(joints) = columns.quantities else { panic!("joints") };
-        assert_eq!((joints[0].index, joints[0].scale), (3, 1.0));
-        assert!((joints[1].scale * 180.0 - std::f64::consts::PI).abs() < 1e-15);
-
-        let columns = find("t_s,x_mm,y_mm,z_m,qw,qx,qy,qz").unwrap();
-        let Quantities::Task(position, Orientation::Quaternion(_)) = columns.quantities else {
-            panic!("a pose with a quaternion")
-        };
-        assert_eq!(position.map(|column| column.scale), [1e-3, 1e-3, 1.0]);
-        assert!(columns.ignored.is_empty());
-    }
-
-    #[test]
-    fn refuses_each_bad_header_and_says_what_to_write() {
-        for (header, words) in [
-            ("time,x_m,y_m,z_m", ["has no t_s", "t_ms"]),
-            ("t_s;x_m;y_m;z_m", ["has no t_s", "t_s;x_m"]),
-            ("t_s,a,b", ["neither joints nor positions", "t_s,q1_rad,…,q2_rad"]),
-            ("t_s,x_m,z_m", ["has no y_m", "y_mm"]),
-            ("t_s,x_m,x_mm,y_m,z_m", ["both x_m and x_mm", "keep one"]),
-            ("t_s,q1_rad,q3_rad", ["q3_rad", "2 joints"]),
-            ("t_s,q1_rad", ["has no q2_rad", "q2_deg"]),
-            ("t_s,q1_rad,q2_rad,x_m,y_m,z_m", ["both joints", "remove"]),
-            ("t_s,x_m,y_m,z_m,qw,qx", ["2 of the columns", "all four"]),
-            ("t_s,x_m,y_m,z_m,qw,qx,qy,qz,pitch_rad", ["quaternion and pitch", "keep one"]),
-        ] {
-            let message = find(header).expect_err(header).to_string();
-            for word in words.iter().chain(&["r.csv, line 1"]) {
-                assert!(message.contains(word), "{header}: no '{word}' in: {message}");
-            }
-        }
-    }
-}
+mod tests;

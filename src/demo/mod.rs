@@ -1,30 +1,57 @@
-//! From somebody's recording to a demonstration: read, trim, smooth, resample, write.
+//! From somebody's recording to a demonstration: read, trim, smooth, resample, move, write.
+//!
+//! bytes → [`encoding`] → [`dialect`] (rows of cells) → [`fields`] → [`columns`] (what is what) →
+//! [`rows`] (values and times) → [`gaps`] → [`recording`] → [`import`].
 
+mod cell;
 mod columns;
+mod container;
+mod dialect;
+mod effort;
+mod encoding;
+mod fields;
+mod gaps;
+mod joints;
+mod mapping;
+mod names;
+mod pose;
 mod recording;
+mod rows;
+mod shift;
 mod summary;
+mod time;
 
 use anyhow::{Result, bail};
-use learner::demonstration::DURATION_S;
-use learner::smoothing::smooth;
-use learner::trajectory::{Pose, sample};
+use learner::demonstration::{DURATION_S, MIN_POINTS};
+use learner::trajectory::Pose;
+use nalgebra::Isometry3;
 use physics::arm::ArmModel;
 
-use recording::Recording;
+pub use effort::Effort;
+pub use mapping::Assignment;
+use recording::{Recording, check_turn};
 pub use summary::Summary;
 
 /// A recorded time that is this little outside of a bound is at it, s.
-const ROUNDING_S: f64 = 1e-9;
+/// Seconds since 1970 have 52 bits, so this much is noise.
+const ROUNDING_S: f64 = 1e-6;
 /// Angles that print as zero need no column, rad.
 const NO_ANGLE_RAD: f64 = 5e-10;
 
+#[derive(Clone)]
 pub struct Options {
     pub rate_hz: f64,
     /// Width of the smoothing, see [`learner::smoothing::smooth`].
     pub smooth_s: Option<f64>,
-    /// Part of the recording, in its own time.
+    /// Part of the recording, s since its first row.
     pub start_s: Option<f64>,
     pub end_s: Option<f64>,
+    /// How many times slower than it was recorded.
+    pub slow: f64,
+    /// Where it is to begin; where it was recorded without.
+    pub at_start: Option<Isometry3<f64>>,
+    /// Columns that the user names.
+    pub columns: Vec<Assignment>,
 }
 
 /// A movement at a uniform rate, beginning at time 0.
@@ -32,26 +59,39 @@ pub struct Imported {
     pub poses: Vec<Pose>,
     pub rate_hz: f64,
     pub recorded: usize,
+    /// How the file was understood, in words.
+    pub format: Vec<(&'static str, String)>,
     pub ignored: Vec<String>,
     pub warnings: Vec<String>,
 }
 
-/// Reads `text` of `file`, and lays samples on it: at start + k / rate, up to the first at or after the
-/// end, which holds the last pose.
-pub fn import(file: &str, text: &str, model: &ArmModel, options: &Options) -> Result<Imported> {
-    let Recording { times_s, mut poses, ignored, warnings } = Recording::parse(file, text, model)?;
+/// Reads the `bytes` of `file`, and lays samples on them: at start + k / rate, up to the first at or
+/// after the end, which holds the last pose.
+pub fn import(file: &str, bytes: &[u8], model: &ArmModel, options: &Options) -> Result<Imported> {
+    let recording = Recording::read(file, bytes, model, &options.columns)?;
+    let times_s = &recording.times_s;
     let (first, last) = (times_s[0], times_s[times_s.len() - 1]);
     let start = within(file, "--start", options.start_s.unwrap_or(first), first, last)?;
     let end = within(file, "--end", options.end_s.unwrap_or(last), first, last)?;
     if start >= end {
         bail!("{file}: --start {start} is not before --end {end}: nothing would be left");
     }
-    if end - start > *DURATION_S.end() {
+    let duration = (end - start) * options.slow;
+    if duration > *DURATION_S.end() {
         bail!(
-            "{file}: {} s from start to end, and a demonstration lasts at most {} s: choose a part \
-             with --start and --end, or check the unit of the time",
-            end - start,
+            "{file}: {duration} s from start to end, and a demonstration lasts at most {} s: choose a \
+             part with --start and --end, or check the unit of the time (--columns t_ms=NAME)",
             DURATION_S.end()
+        );
+    }
+    let n = ((duration - ROUNDING_S) * options.rate_hz).ceil() as usize;
+    if duration < *DURATION_S.start() - ROUNDING_S || n + 1 < MIN_POINTS {
+        bail!(
+            "{file}: {duration:.3} s from start to end, {} samples at {} Hz: a demonstration lasts at \
+             least {} s and has {MIN_POINTS} samples: record more of it",
+            n + 1,
+            options.rate_hz,
+            DURATION_S.start()
         );
     }
     if let Some(width_s) = options.smooth_s {
@@ -62,20 +102,40 @@ pub fn import(file: &str, text: &str, model: &ArmModel, options: &Options) -> Re
                  would change nothing: use at least that, or leave it away"
             );
         }
-        poses = smooth(&times_s, &poses, width_s);
     }
-    let n = ((end - start - ROUNDING_S) * options.rate_hz).ceil() as usize;
-    let at: Vec<f64> = (0..=n).map(|k| (start + k as f64 / options.rate_hz).min(end)).collect();
-    let recorded = times_s.len();
-    let poses = sample(&times_s, &poses, &at);
-    Ok(Imported { poses, rate_hz: options.rate_hz, recorded, ignored, warnings })
+    let rate = options.rate_hz * options.slow;
+    let at: Vec<f64> = (0..=n).map(|k| (start + k as f64 / rate).min(end)).collect();
+    let relative = options.at_start.is_some();
+    let mut path = recording.path(file, model, options.smooth_s, &at, relative)?;
+    if let Some(start) = &options.at_start {
+        shift::begin_at(&mut path, start);
+    }
+    let poses = path.iter().zip(&at).map(|(pose, t)| pose_at(file, pose, *t));
+    Ok(Imported {
+        poses: poses.collect::<Result<_>>()?,
+        rate_hz: options.rate_hz,
+        recorded: times_s.len(),
+        format: recording.format,
+        ignored: recording.ignored,
+        warnings: recording.warnings,
+    })
 }
 
 fn within(file: &str, flag: &str, t_s: f64, first: f64, last: f64) -> Result<f64> {
     if t_s < first - ROUNDING_S || t_s > last + ROUNDING_S {
-        bail!("{flag} {t_s}: {file} runs from {first} to {last} s: choose a time in between");
+        bail!(
+            "{flag} {t_s}: {file} runs from {first} to {last} s, counted from its first row: choose a \
+             time in between"
+        );
     }
     Ok(t_s.clamp(first, last))
+}
+
+/// x, y, z, pitch, roll, yaw.
+fn pose_at(file: &str, pose: &Isometry3<f64>, t_s: f64) -> Result<Pose> {
+    let (p, r) = (pose.translation.vector, pose.rotation.scaled_axis());
+    check_turn(&r, || format!("{file}, {t_s:.3} s after its first row"))?;
+    Ok([p.x, p.y, p.z, r.y, r.x, r.z])
 }
 
 impl Imported {

@@ -7,7 +7,7 @@ use learner::Demonstration;
 use learner::trajectory::Pose;
 use serde_json::json;
 
-use super::Imported;
+use super::{Effort, Imported};
 
 const NAMES: [&str; 6] = ["x_m", "y_m", "z_m", "pitch_rad", "roll_rad", "yaw_rad"];
 
@@ -16,6 +16,8 @@ pub struct Summary<'a> {
     pub imported: &'a Imported,
     /// As the learner reads it.
     pub demonstration: &'a Demonstration,
+    /// What it asks of the joints, where the arm reaches all of it.
+    pub effort: Option<&'a Effort>,
     /// Why the configured arm cannot follow it.
     pub misfit: Option<&'a Error>,
 }
@@ -44,6 +46,12 @@ impl Summary<'_> {
             .enumerate()
             .map(|(c, name)| (name.to_string(), json!(self.range(c))))
             .collect();
+        let format: serde_json::Map<String, serde_json::Value> = self
+            .imported
+            .format
+            .iter()
+            .map(|(key, value)| (key.to_string(), json!(value)))
+            .collect();
         json!({
             "file": self.out,
             "recorded_samples": self.imported.recorded,
@@ -55,15 +63,18 @@ impl Summary<'_> {
             "turning_max_rad_s": turning,
             "acceleration_max_m_s2": acceleration,
             "angular_acceleration_max_rad_s2": angular,
+            "joint_speed_peak": self.effort.map(|effort| effort.speed.json()),
+            "joint_torque_peak": self.effort.map(|effort| effort.torque.json()),
             "fits_arm": self.misfit.is_none(),
             "misfit": self.misfit.map(|misfit| format!("{misfit:#}")),
+            "format": format,
             "ignored_columns": self.imported.ignored,
             "warnings": self.imported.warnings,
         })
     }
 
     pub fn text(&self) -> String {
-        let Imported { poses, rate_hz, recorded, ignored, .. } = self.imported;
+        let Imported { poses, rate_hz, recorded, format, ignored, .. } = self.imported;
         let [speed, turning, acceleration, angular] = self.peaks();
         let mut text = format!(
             "{}: {} samples at {rate_hz} Hz, {:.3} s, from {recorded} rows\n",
@@ -71,6 +82,9 @@ impl Summary<'_> {
             poses.len(),
             self.demonstration.duration_s()
         );
+        for (key, value) in format.iter().filter(|(_, value)| value != "unknown") {
+            text += &format!("  {key:10} {}\n", shortened(value));
+        }
         for (c, name) in NAMES.iter().enumerate() {
             let [low, high] = self.range(c);
             text += &format!("  {name:10} {low:9.4} … {high:.4}\n");
@@ -80,12 +94,32 @@ impl Summary<'_> {
              {angular:.2} rad/s²\n"
         );
         if !ignored.is_empty() {
-            text += &format!("  not read   {}\n", ignored.join(", "));
+            text += &format!("  not read   {}\n", shortened(&ignored.join(", ")));
+        }
+        if let Some(Effort { speed, torque, .. }) = self.effort {
+            for (key, peak, unit) in [("speed", speed, "rad/s"), ("torque", torque, "N·m")] {
+                text += &format!(
+                    "  {key:10} up to {:.0} % of a limit: joint {} {:.3} of {} {unit} at {:.2} s\n",
+                    100.0 * peak.share(),
+                    peak.joint,
+                    peak.value,
+                    peak.limit,
+                    peak.t_s
+                );
+            }
         }
         text += &match self.misfit {
-            None => "the arm reaches all of it\n".to_string(),
+            None => "the arm reaches all of it, at this speed\n".to_string(),
             Some(misfit) => format!("NOT FOR THIS ARM: {misfit:#}\n"),
         };
         text
+    }
+}
+
+/// A line of a terminal; `--json` has all of it.
+fn shortened(text: &str) -> String {
+    match text.char_indices().nth(160) {
+        Some((at, _)) => format!("{}…", &text[..at]),
+        None => text.to_string(),
     }
 }

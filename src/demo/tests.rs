@@ -3,6 +3,7 @@
 use std::f64::consts::PI;
 
 use learner::Demonstration;
+use learner::trajectory::sample;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use physics::arm::inverse_kinematics;
 use physics::pancake::WAM7_START_POSTURE;
@@ -10,10 +11,25 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
+mod dialects;
+mod recorders;
+
 use super::*;
 use crate::setup::{PANCAKE_DEMONSTRATION, WAM7_URDF};
 
-const AS_IT_IS: Options = Options { rate_hz: 100.0, smooth_s: None, start_s: None, end_s: None };
+const AS_IT_IS: Options = Options {
+    rate_hz: 100.0,
+    smooth_s: None,
+    start_s: None,
+    end_s: None,
+    slow: 1.0,
+    at_start: None,
+    columns: Vec::new(),
+};
+
+fn import(file: &str, text: &str, model: &ArmModel, options: &Options) -> Result<Imported> {
+    super::import(file, text.as_bytes(), model, options)
+}
 
 fn arm() -> ArmModel {
     ArmModel::from_urdf(WAM7_URDF, "pan").unwrap()
@@ -119,19 +135,26 @@ fn a_pause_is_a_warning_with_its_line() {
 
 #[test]
 fn refuses_each_bad_row_and_names_its_line() {
-    let with = |header: &str, row: &str| format!("{header}\n{row}\n{row}\n{row}\n");
+    let with = |header: &str, row: &str| {
+        let values = row.split_once(',').unwrap().1;
+        format!("{header}\n0,{values}\n0.1,{values}\n0.2,{values}\n")
+    };
     let poses = |row: &str| format!("t_s,x_m,y_m,z_m\n0.0,1,2,3\n0.1,1,2,3\n{row}\n0.3,1,2,3\n");
     let q = "t_s,qw,qx,qy,qz,x_m,y_m,z_m";
     let joints = "t_s,q1_rad,q2_rad,q3_rad,q4_rad,q5_rad,q6_rad,q7_rad";
     for (text, words) in [
         (String::new(), vec!["r.csv", "is empty"]),
-        (poses("0.2,nan,2,3"), vec!["line 4", "x_m is `nan`", "finite number"]),
+        (poses("0.2,inf,2,3"), vec!["line 4", "x_m is `inf`", "finite number"]),
         (poses("0.2,1,two,3"), vec!["line 4", "y_m is `two`"]),
-        (poses("0.2,1,,3"), vec!["line 4", "y_m is ``"]),
+        (poses("0.2,1,-,3"), vec!["line 4", "y_m is `-`"]),
         (poses("0.2,1,2"), vec!["line 4", "3 values instead of 4"]),
-        (poses("0.1,1,2,3"), vec!["line 4", "0.1 s after 0.1 s", "remove the row"]),
         (poses("0.05,1,2,3"), vec!["line 4", "must increase", "sort"]),
         ("t_s,x_m,y_m,z_m\n0,1,2,3\n".into(), vec!["1 rows", "at least 3"]),
+        (poses("0.1,1,2,3").replace("\n0.3,1,2,3", ""), vec!["2 rows", "at least 3"]),
+        (
+            poses("0.02,1,2,3").replace("\n0.1,", "\n0.01,").replace("\n0.3,", "\n0.03,"),
+            vec!["r.csv: 0.030 s", "at least 0.1 s"],
+        ),
         (poses("1e15,1,2,3").replace("0.3,", "1e16,"), vec!["r.csv", "at most 30 s", "unit"]),
         (with(q, "0,2,0,0,0,1,2,3"), vec!["line 2", "norm 2.000"]),
         (with(q, "0,0,1,0,0,1,2,3"), vec!["line 2", "jump at π"]),
