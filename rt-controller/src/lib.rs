@@ -40,6 +40,7 @@ mod serve;
 mod serving;
 pub mod simulate;
 mod spool;
+mod stalls;
 pub mod state_file;
 mod status;
 mod swap;
@@ -47,7 +48,6 @@ pub mod task;
 pub mod tick;
 mod timing;
 pub mod timing_file;
-mod watchdog;
 pub mod wrench;
 
 pub use action::run_action;
