@@ -2,7 +2,7 @@
 
 use std::ffi::OsStr;
 use std::io::{BufRead, BufReader};
-use std::os::unix::process::ExitStatusExt;
+use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{Receiver, channel};
@@ -30,16 +30,29 @@ impl Service {
         log: PathBuf,
         stdout: Stdio,
     ) -> Result<Service> {
-        Service::start_with(name, arguments, log, stdout, &[])
+        Service::start_as(name, arguments, log, stdout, |_| {})
     }
 
-    /// With further variables in its environment.
-    pub fn start_with(
+    /// With further variables in its environment, and in a process group of its own: what a terminal or
+    /// `timeout` sends to the group of its parent is the parent's matter.
+    pub fn start_apart(
+        name: &'static str,
+        arguments: &[&OsStr],
+        log: PathBuf,
+        environment: &[(&str, &OsStr)],
+    ) -> Result<Service> {
+        let apart = |command: &mut Command| {
+            command.envs(environment.iter().copied()).process_group(0);
+        };
+        Service::start_as(name, arguments, log, Stdio::null(), apart)
+    }
+
+    fn start_as(
         name: &'static str,
         arguments: &[&OsStr],
         log: PathBuf,
         stdout: Stdio,
-        environment: &[(&str, &OsStr)],
+        set: impl FnOnce(&mut Command),
     ) -> Result<Service> {
         let exe = std::env::current_exe().context("finding this executable")?;
         // A resumed session keeps what its earlier processes said.
@@ -48,14 +61,10 @@ impl Service {
             .append(true)
             .open(&log)
             .with_context(|| format!("{}: cannot write the log", log.display()))?;
-        let child = Command::new(exe)
-            .args(arguments)
-            .envs(environment.iter().copied())
-            .stdin(Stdio::null())
-            .stdout(stdout)
-            .stderr(file)
-            .spawn()
-            .with_context(|| format!("starting the {name}"))?;
+        let mut command = Command::new(exe);
+        command.args(arguments).stdin(Stdio::null()).stdout(stdout).stderr(file);
+        set(&mut command);
+        let child = command.spawn().with_context(|| format!("starting the {name}"))?;
         Ok(Service { name, child, log })
     }
 

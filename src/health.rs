@@ -3,9 +3,16 @@
 use rt_controller::fault::Fault;
 use serde::Serialize;
 use shm_types::command::Status;
+use shm_types::telemetry::WAITS_DISK;
 
 /// A learner that beats ten times a second and was not heard for so long is silent, ns.
 const SILENT_NS: u64 = 2_000_000_000;
+/// A learner that joins or leaves the cell is not heard for a moment, ns.
+const MUTE_NS: u64 = 3_000_000_000;
+/// A loop in real time ticks all the time, ns.
+const TICKLESS_NS: u64 = 1_000_000_000;
+/// How long a loop that stood still is no longer called well, ns; it stays counted.
+const STALL_SHOWN_NS: u64 = 600_000_000_000;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
@@ -40,6 +47,10 @@ fn findings(status: &Status) -> Vec<(Health, String)> {
         let fault = Fault::describe(status.latched_fault as u32);
         found.push((Health::Bad, format!("the arm is held ({fault}) until `skillet rearm`")));
     }
+    if status.tick_age_ns >= TICKLESS_NS {
+        let age = status.tick_age_ns as f64 * 1e-9;
+        found.push((Health::Bad, format!("the loop has not ticked for {age:.0} s")));
+    }
     if status.spool_full == 1 {
         let why =
             "the spool is full and learning pauses: start the learner that its episodes wait for";
@@ -52,8 +63,17 @@ fn findings(status: &Status) -> Vec<(Health, String)> {
         );
         found.push((Health::Degraded, why));
     }
-    if let Some(why) = silence(status) {
+    if status.stall_age_ns < STALL_SHOWN_NS {
+        let [last, age] = [status.stall_last_ns, status.stall_age_ns].map(|ns| ns as f64 * 1e-9);
+        let why = format!("the loop stood still for {last:.1} s, {age:.0} s ago: see the log");
         found.push((Health::Degraded, why));
+    }
+    if let Some(why) = silence(status).or_else(|| mute(status)) {
+        found.push((Health::Degraded, why));
+    }
+    if status.learner_waits == WAITS_DISK && has_learner(status) {
+        let why = "the learner waits for its disk: free space or fix permissions, see its log";
+        found.push((Health::Degraded, why.into()));
     }
     if status.realtime == 1 && status.privileged == 0 {
         let why = "the loop has no real-time priority: see `skillet doctor`";
@@ -76,6 +96,39 @@ fn silence(status: &Status) -> Option<String> {
     Some(format!("the learner is silent for {:.0} s; {does}", age_ns as f64 * 1e-9))
 }
 
+/// A learner that is there and was never heard: its first word waits for something.
+fn mute(status: &Status) -> Option<String> {
+    let mute_ns = status.learner_mute_ns;
+    (MUTE_NS..u64::MAX).contains(&mute_ns).then(|| {
+        let age = mute_ns as f64 * 1e-9;
+        format!("a learner is in the cell and not heard for {age:.0} s: it resumes or is stuck, see its log")
+    })
+}
+
+fn has_learner(status: &Status) -> bool {
+    status.learner_age_ns < SILENT_NS
+}
+
+/// What is as somebody wanted it, and worth a line: who waits for what, and since when.
+pub fn notes(status: &Status, cell: &str) -> Vec<String> {
+    let mut notes = Vec::new();
+    let active = if status.active.is_none() { status.last_good } else { status.active };
+    let policy = active.describe();
+    if status.latched_fault != 0 && has_learner(status) {
+        notes.push(format!("learner waits: the arm is held; `skillet rearm --cell {cell}`"));
+    } else if status.pinned == 1 && has_learner(status) {
+        let unpin = format!("`skillet policy unpin --cell {cell}`");
+        notes.push(format!("learner waits: policy {policy} is pinned; {unpin}"));
+    }
+    if status.pin_restored == 1 {
+        notes.push(format!(
+            "policy {policy} was pinned by an earlier run and is served without a command; `skillet \
+             policy pin`, `unpin` or `hold` answers that"
+        ));
+    }
+    notes
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -93,5 +146,34 @@ mod tests {
         let (health, why) = of(&Status { latched_fault: 1, ..Status::ZERO });
         assert_eq!(health, Health::Bad);
         assert!(why[0].contains("skillet rearm"), "{why:?}");
+    }
+
+    #[test]
+    fn what_stood_still_or_says_nothing_is_not_well() {
+        let s = 1_000_000_000;
+        let finding = |status| of(&status).1.join("; ");
+        let stalled =
+            Status { stalls: 1, stall_last_ns: 4 * s, stall_age_ns: 12 * s, ..Status::ZERO };
+        assert_eq!(of(&stalled).0, Health::Degraded);
+        assert!(finding(stalled).contains("stood still for 4.0 s, 12 s ago"));
+        assert_eq!(of(&Status { stall_age_ns: 600 * s, ..stalled }).0, Health::Ok, "an old one");
+        assert_eq!(of(&Status { tick_age_ns: 2 * s, ..Status::ZERO }).0, Health::Bad);
+        let mute = |learner_mute_ns| Status { learner_mute_ns, ..Status::ZERO };
+        assert_eq!(of(&mute(s)).0, Health::Ok, "it has just come");
+        assert!(finding(mute(9 * s)).contains("not heard for 9 s"));
+        let full = Status { learner_waits: WAITS_DISK, learner_age_ns: 0, ..Status::ZERO };
+        assert!(finding(full).contains("waits for its disk"));
+    }
+
+    #[test]
+    fn who_waits_is_said_with_the_way_out() {
+        let pinned = Status { pinned: 1, ..Status::ZERO };
+        assert!(notes(&pinned, "c1").is_empty(), "nobody waits");
+        let waits = notes(&Status { learner_age_ns: 0, ..pinned }, "c1");
+        assert_eq!(waits.len(), 1);
+        assert!(waits[0].contains("learner waits") && waits[0].contains("unpin --cell c1"));
+        let held = Status { latched_fault: 1, learner_age_ns: 0, ..pinned };
+        assert!(notes(&held, "c1")[0].contains("skillet rearm --cell c1"));
+        assert!(notes(&Status { pin_restored: 1, ..pinned }, "c1")[0].contains("an earlier run"));
     }
 }

@@ -1,20 +1,23 @@
-//! Structured logs on standard error.
+//! Structured logs on standard error, which nobody waits for.
 
 use std::io::IsTerminal;
 
 use tracing_subscriber::EnvFilter;
 
 use crate::config::LogConfig;
+use crate::stderr;
 
 /// Sets the level of a log that has been started; the error says why it cannot.
 pub type SetLevel = Box<dyn Fn(&str) -> Result<(), String> + Send>;
 
 /// Starts logging; `RUST_LOG` overrides the configured level.
 pub fn start(config: &LogConfig) -> SetLevel {
+    // Now: a first line from the loop's thread would have the writer share its core and priority.
+    stderr::sink();
     let filter =
         EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(&config.level));
     let builder = tracing_subscriber::fmt()
-        .with_writer(std::io::stderr)
+        .with_writer(stderr::sink)
         .with_ansi(std::io::stderr().is_terminal());
     // A second start in one process keeps the first; nothing else can fail here.
     match config.format.as_str() {

@@ -1,5 +1,9 @@
 //! `skillet`: parse → run → exit code. No mathematics and no transport details in this crate.
 
+// The status of a controller is one JSON object.
+#![recursion_limit = "256"]
+
+mod bar;
 mod bench;
 mod cell;
 mod children;
@@ -21,7 +25,9 @@ mod report;
 mod resume;
 mod session_folder;
 mod setup;
+mod signals;
 mod soak;
+mod stderr;
 mod study;
 mod summary;
 mod watch;
@@ -41,6 +47,7 @@ pub enum Verdict {
 fn main() -> ExitCode {
     // Whatever is written, sessions and reports included, is this user's alone.
     rustix::process::umask(rustix::fs::Mode::RWXG | rustix::fs::Mode::RWXO);
+    stderr::take_panics();
     let cli = Cli::parse();
     let result = match &cli.verb {
         Verb::Learn(args) => commands::learn::run(args),
@@ -64,12 +71,14 @@ fn main() -> ExitCode {
         Verb::Completions(args) => commands::shell::completions(args),
         Verb::Man(args) => commands::shell::man(args),
     };
-    match result {
+    let code = match result {
         Ok(Verdict::Done) => ExitCode::SUCCESS,
         Ok(Verdict::Negative) => ExitCode::from(1),
         Err(error) => {
-            eprintln!("skillet: {error:#}");
+            stderr::say(&format!("skillet: {error:#}"));
             ExitCode::from(2)
         }
-    }
+    };
+    stderr::finish();
+    code
 }

@@ -1,10 +1,14 @@
 //! Progress of a session: a bar on a terminal, a line now and then elsewhere.
 
+use std::cell::Cell;
 use std::io::IsTerminal;
 
 use indicatif::{ProgressBar, ProgressStyle};
 use learner::summary::{Summary, TrialReport};
 use serde::{Deserialize, Serialize};
+
+use crate::bar::bar;
+use crate::stderr::say;
 
 /// What the learner process says after each trial, one JSON object a line.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -15,6 +19,9 @@ pub struct TrialLine {
     pub best_reward: f64,
     pub successes: u64,
     pub first_success: Option<u64>,
+    /// Why the controller refused its policy, where it did.
+    #[serde(default)]
+    pub refused: Option<String>,
 }
 
 impl TrialLine {
@@ -27,6 +34,7 @@ impl TrialLine {
             best_reward: summary.best_reward,
             successes: summary.successes,
             first_success: summary.first_success,
+            refused: None,
         }
     }
 
@@ -49,6 +57,8 @@ pub struct Progress {
     bar: Option<ProgressBar>,
     rollouts: u64,
     has_flips: bool,
+    /// A refusal was shown; one says how the others are.
+    has_refused: Cell<bool>,
 }
 
 impl Progress {
@@ -64,19 +74,26 @@ impl Progress {
             let style = ProgressStyle::with_template(
                 "{bar:30.cyan/blue} {pos}/{len}  {msg}  {elapsed_precise}",
             );
-            let bar = ProgressBar::new(rollouts);
+            let bar = bar(Some(rollouts));
             bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
             bar.set_position(done);
             bar.set_message(first.clone());
             bar
         });
         if bar.is_none() && done > 0 {
-            eprintln!("{first}");
+            say(&first);
         }
-        Progress { bar, rollouts, has_flips }
+        Progress { bar, rollouts, has_flips, has_refused: Cell::new(false) }
     }
 
     pub fn trial(&self, trial: &TrialLine) {
+        if let Some(reason) = trial.refused.as_ref().filter(|_| !self.has_refused.replace(true)) {
+            let rollout = trial.rollout;
+            self.note(&format!(
+                "rollout {rollout}: the controller refused the policy, a trial without reward: {reason}; \
+                 further ones are in learner.log"
+            ));
+        }
         let mut message = format!("reward {:.3}  best {:.3}", trial.reward, trial.best_reward);
         if self.has_flips {
             let first = trial.first_success.map_or(String::new(), |n| format!(" (first {n})"));
@@ -88,7 +105,7 @@ impl Progress {
                 bar.set_message(message);
             }
             None if trial.rollout.is_multiple_of(LINE_EVERY) || trial.rollout == self.rollouts => {
-                eprintln!("rollout {}/{}  {message}", trial.rollout, self.rollouts);
+                say(&format!("rollout {}/{}  {message}", trial.rollout, self.rollouts));
             }
             None => {}
         }
@@ -97,7 +114,7 @@ impl Progress {
     pub fn note(&self, text: &str) {
         match &self.bar {
             Some(bar) => bar.println(text),
-            None => eprintln!("{text}"),
+            None => say(text),
         }
     }
 

@@ -1,8 +1,6 @@
 //! From configuration to the parts of a cell: arm, demonstration, and whether they fit.
 
 use std::path::Path;
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 use anyhow::{Context, Result, bail};
 use learner::Demonstration;
@@ -191,18 +189,6 @@ fn isometry(pose: &learner::trajectory::Pose) -> Isometry3<f64> {
         Translation3::new(pose[0], pose[1], pose[2]),
         UnitQuaternion::from_scaled_axis(rotation),
     )
-}
-
-/// A flag that SIGINT and SIGTERM set.
-pub fn stop_flag() -> Result<Arc<AtomicBool>> {
-    let stop = Arc::new(AtomicBool::new(false));
-    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
-        // The second signal ends the process at once; the order of these two lines makes it so.
-        signal_hook::flag::register_conditional_shutdown(signal, 130, stop.clone())
-            .context("installing signal handlers")?;
-        signal_hook::flag::register(signal, stop.clone()).context("installing signal handlers")?;
-    }
-    Ok(stop)
 }
 
 /// Asks the kernel to end this process when its parent, of process id `parent`, ends.

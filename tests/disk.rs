@@ -125,6 +125,7 @@ fn a_disk_that_fills_up_under_the_session_makes_the_learner_wait() {
     eventually("a beat while it waits", || {
         status(&bench)
             .filter(|status| status["learner_age_s"].as_f64().is_some_and(|age| age < 0.5))
+            .filter(|status| status["findings"].to_string().contains("waits for its disk"))
     });
     place.free();
     place.wait_for_trials(&bench, "s", stored as usize + 3);

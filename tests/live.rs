@@ -12,24 +12,10 @@ use shm_types::command::{
 use shm_types::policy::{PolicyMsg, packed_index};
 use shm_types::policy_json;
 use shm_types::ports::ToolPorts;
-use util::{Bench, Running, bits, eventually, kill};
+use util::{Bench, Running, bits, eventually, kill, rocking};
 
 const REALTIME: [&str; 5] = ["controller", "--cell", "c1", "--pace", "realtime"];
 const MAX: [&str; 5] = ["controller", "--cell", "c1", "--pace", "max"];
-
-/// Springs that rock the pan by `amplitude` m about its start.
-fn rocking(amplitude: f64) -> PolicyMsg {
-    let mut policy = PolicyMsg { n_components: 4, task_dim: 3, ..PolicyMsg::EMPTY };
-    policy.damping = 30.0;
-    (policy.orientation_stiffness, policy.orientation_damping) = (400.0, 40.0);
-    for (i, component) in policy.components[..4].iter_mut().enumerate() {
-        let sign = if i % 2 == 0 { 1.0 } else { -1.0 };
-        (component.center, component.width) = (0.3 * i as f64, 0.15);
-        component.attractor[..3].copy_from_slice(&[0.78, 0.0, 0.72 + sign * amplitude]);
-        (0..3).for_each(|row| component.stiffness[packed_index(row, row)] = 225.0);
-    }
-    policy.sealed()
-}
 
 /// A bench with a cell whose commands need no process each.
 struct Live {

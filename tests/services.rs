@@ -115,7 +115,7 @@ fn telemetry_reaches_observers_that_come_and_go() {
     }
 }
 
-/// A controller that refuses whatever comes must not be mistaken for bad policies.
+/// A controller that refuses the demonstration itself: nothing that a search could learn from.
 #[test]
 fn refused_policies_end_the_session_with_the_reason_and_are_no_trials() {
     let bench = Bench::new();
@@ -124,7 +124,10 @@ fn refused_policies_end_the_session_with_the_reason_and_are_no_trials() {
     let strict = ["--config", strict.to_str().unwrap()];
     let _controller = bench.start(&[&CONTROLLER[..], &strict].concat());
     let learner = ["learner", "--cell", "c1", "--session", "s"];
-    bench.refused(&learner, &["rollout 1", "3 attempts", "refused the policy"]);
+    bench.refused(
+        &learner,
+        &["rollout 1", "refused the policy", "the demonstration", "settle_s = 4.5"],
+    );
     assert!(bench.trials("s").is_empty());
 }
 

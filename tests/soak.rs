@@ -46,6 +46,6 @@ fn a_soak_notices_a_session_that_is_not_the_undisturbed_one() {
     let output = bench.run(&arguments);
     assert_eq!(output.status.code(), Some(1));
     let text = String::from_utf8_lossy(&output.stdout);
-    assert!(text.contains("1 different") && text.contains("NOT GOOD"), "{text}");
+    assert!(text.contains("1 different") && text.contains("FAILED: in the cell '"), "{text}");
     assert!(util::stderr(&output).contains("differs from an undisturbed run"));
 }

@@ -129,6 +129,26 @@ fn the_arm_knows_no_simulator_and_the_hot_path_no_ports() {
     }
 }
 
+/// A reader of standard error that has gone or stands still must end and block nobody, and a closed
+/// standard output is no panic: `src/stderr.rs` and `src/output.rs` see to that.
+#[test]
+fn nobody_writes_to_standard_error_or_output_past_those_who_may() {
+    let macros = [concat!("eprint", "ln!("), concat!("eprint", "!("), concat!("print", "ln!(")];
+    for (path, text) in sources() {
+        let file = path.strip_prefix(root()).unwrap().display().to_string();
+        // Tests and examples sit before a person, and end when they fail.
+        let is_ours = file.starts_with("src/") || file.contains("/src/");
+        if is_ours && !file.starts_with("fuzz/") {
+            let found = macros.iter().find(|name| text.contains(**name));
+            assert!(
+                found.is_none(),
+                "{file}: {}: use `stderr::say` or `output::print`",
+                found.unwrap()
+            );
+        }
+    }
+}
+
 #[test]
 fn unsafe_code_stays_where_it_is_declared() {
     // The derive of zero-copy messages, sched_setscheduler, and the counting allocators of tests.

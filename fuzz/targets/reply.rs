@@ -3,7 +3,8 @@
 
 use libfuzzer_sys::fuzz_target;
 use rt_controller::fault::Fault;
-use shm_types::command::{REASON_LEN, Reply, Status};
+use shm_types::command::{Reply, Status};
+use shm_types::reason::REASON_LEN;
 use skillet_fuzz::{patched, split};
 
 fuzz_target!(|data: &[u8]| {

@@ -1,8 +1,6 @@
 //! Why a session cannot start or go on, and why an episode is refused.
 
-use shm_types::episode::{
-    EpisodeError, FAULT_APPROACH_TIMEOUT, FAULT_OVERRUN, FAULT_POLICY_REFUSED,
-};
+use shm_types::episode::{EpisodeError, FAULT_APPROACH_TIMEOUT, FAULT_OVERRUN};
 use thiserror::Error;
 
 use crate::config::ConfigError;
@@ -44,6 +42,8 @@ pub enum CompleteError {
     OtherPolicy { rollout: u64 },
     #[error("the controller did not execute rollout {rollout}: {reason}")]
     NotExecuted { rollout: u64, reason: &'static str },
+    #[error("the controller refused the policy of rollout {rollout}: {reason}")]
+    Refused { rollout: u64, reason: String },
     #[error("another policy was swapped into rollout {rollout}")]
     Swapped { rollout: u64 },
     #[error("rollout {rollout} was cut short by a fault of the machine")]
@@ -58,7 +58,6 @@ pub enum CompleteError {
 /// rollout are the policy's doing and are rewarded like anything else it does.
 pub(crate) fn not_executed(fault: u64) -> Option<&'static str> {
     match fault {
-        FAULT_POLICY_REFUSED => Some("it refused the policy; its log names the reason"),
         FAULT_APPROACH_TIMEOUT => Some("the arm did not reach the start posture in time"),
         FAULT_OVERRUN => Some("its host could not hold the period; see `skillet doctor`"),
         _ => None,

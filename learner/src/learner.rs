@@ -8,10 +8,15 @@
 //! }
 //! ```
 
+mod unexecuted;
+
 use std::path::Path;
 
-use shm_types::episode::{EpisodeHeader, FAULT_SWAPPED, MACHINE_FAULTS, OutcomeMsg, TickRecord};
+use shm_types::episode::{
+    EpisodeHeader, FAULT_POLICY_REFUSED, FAULT_SWAPPED, MACHINE_FAULTS, TickRecord,
+};
 use shm_types::policy::PolicyMsg;
+use shm_types::reason;
 
 use crate::config::LearnerConfig;
 use crate::demonstration::Demonstration;
@@ -131,6 +136,10 @@ impl Learner {
         if MACHINE_FAULTS.contains(&header.fault) {
             return Err(CompleteError::MachineFault { rollout: header.rollout });
         }
+        if header.fault == FAULT_POLICY_REFUSED {
+            let reason = reason::unpack(&header.reason);
+            return Err(CompleteError::Refused { rollout: header.rollout, reason });
+        }
         if let Some(reason) = not_executed(header.fault) {
             return Err(CompleteError::NotExecuted { rollout: header.rollout, reason });
         }
@@ -149,31 +158,6 @@ impl Learner {
         };
         self.search.tell(&trial.trial())?;
         self.record(trial, &decimate(records))
-    }
-
-    /// Gives up on the pending rollout, which gives no usable episode: it is stored and counted,
-    /// but not learnt, and the session goes on.
-    pub fn set_aside(&mut self, reason: &str) -> Result<TrialReport, CompleteError> {
-        let Some((proposal, policy)) = &self.pending else {
-            return Err(CompleteError::NotAsked { rollout: self.durable_rollout() + 1 });
-        };
-        let trial = TrialRecord {
-            rollout: proposal.rollout,
-            theta: proposal.theta.clone(),
-            reward: 0.0,
-            policy_id: policy.policy_id,
-            policy_digest: policy.digest,
-            boot_id: 0,
-            applied_tick: 0,
-            fault: 0,
-            n_records: 0,
-            set_aside: true,
-            outcome: OutcomeMsg::ZERO,
-        };
-        let text = format!("rollout {}: {reason}", trial.rollout);
-        let noted = self.store.record_event("set aside", &text);
-        noted.map_err(|error| CompleteError::Learner(error.into()))?;
-        self.record(trial, &[])
     }
 
     /// Makes a trial durable that the search knows.

@@ -60,6 +60,11 @@ impl Problem {
         Ok(Problem { encoding: Encoding::Springs(Box::new(map)), spaces })
     }
 
+    /// θ is where the search starts from one of the demonstrations, or from the action.
+    pub fn starts_at(&self, theta: &DVector<f64>) -> bool {
+        self.spaces.iter().any(|space| space.theta_0 == *theta)
+    }
+
     /// The sealed policy of θ.
     pub fn decode(&self, theta: &DVector<f64>, ids: PolicyIds) -> PolicyMsg {
         let PolicyIds { session, rollout, policy_id } = ids;

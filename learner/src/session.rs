@@ -16,7 +16,7 @@ use shm_types::SCHEMA;
 use shm_types::episode::Ack;
 use shm_types::policy::PolicyMsg;
 use shm_types::ports::LearnerPorts;
-use shm_types::telemetry::Heartbeat;
+use shm_types::telemetry::{Heartbeat, WAITS_DISK, WAITS_NOT};
 
 use crate::error::{CompleteError, LearnerError};
 use crate::learner::Learner;
@@ -34,6 +34,8 @@ const HOUSEKEEPING: Duration = Duration::from_secs(1);
 const ATTEMPTS: u32 = 3;
 /// Rollouts set aside in a row after which the session ends: the fault lies elsewhere.
 const SET_ASIDE: u32 = 3;
+/// Policies refused in a row after which the session ends: the search will not find its way back.
+const REFUSED: u64 = 20;
 /// A rollout that takes longer, Approach included, is asked for again.
 const ROLLOUT: Duration = Duration::from_secs(30);
 
@@ -65,6 +67,8 @@ struct Link {
     is_pinned: bool,
     /// Fault after which the arm is held, or 0.
     latched: u64,
+    /// What the controller is told that this learner waits for.
+    waits: u64,
     set_aside_in_a_row: u32,
     news: News,
 }
@@ -83,6 +87,7 @@ impl Link {
             is_silent: false,
             is_pinned: false,
             latched: 0,
+            waits: WAITS_NOT,
             set_aside_in_a_row: 0,
             news: News::default(),
         }
@@ -154,6 +159,9 @@ impl Link {
                         on_event(Event::executed(policy, header, records));
                         return Ok(Some(report));
                     }
+                    Err(CompleteError::Refused { rollout, reason }) => {
+                        return self.refused(learner, rollout, reason, stop, on_event);
+                    }
                     // An operator's or the machine's doing, as often as it comes: no attempt of ours.
                     Err(
                         no_trial @ (CompleteError::Swapped { rollout }
@@ -210,6 +218,29 @@ impl Link {
         }
     }
 
+    /// Goes on after a policy that the controller refused: asked again, it would say the same.
+    fn refused(
+        &mut self,
+        learner: &mut Learner,
+        rollout: u64,
+        reason: String,
+        stop: &AtomicBool,
+        on_event: &mut dyn FnMut(Event<'_>),
+    ) -> Result<Option<TrialReport>, SessionError> {
+        if learner.asks_for_the_start() {
+            return Err(SessionError::StartRefused { rollout, reason });
+        }
+        let report = self.stored_trial(stop, on_event, || learner.refused(&reason))?;
+        let rollouts = learner.refused_in_a_row();
+        if rollouts >= REFUSED {
+            return Err(SessionError::AllRefused { rollouts, last: rollout, reason });
+        }
+        if report.is_some() {
+            on_event(Event::Refused { rollout, reason });
+        }
+        Ok(report)
+    }
+
     /// Goes on without a rollout that cannot be used.
     fn set_aside(
         &mut self,
@@ -223,15 +254,25 @@ impl Link {
         if self.set_aside_in_a_row == SET_ASIDE {
             return Err(SessionError::Unusable { rollouts: SET_ASIDE, last: rollout, reason });
         }
-        let report = self.stored(stop, on_event, || match learner.set_aside(&reason) {
-            Ok(report) => Ok(report),
-            Err(CompleteError::Learner(error)) => Err(error),
-            Err(other) => unreachable!("the rollout is pending: {other}"),
-        })?;
+        let report = self.stored_trial(stop, on_event, || learner.set_aside(&reason))?;
         if report.is_some() {
             on_event(Event::SetAside { rollout, reason });
         }
         Ok(report)
+    }
+
+    /// The same for a trial of the pending rollout, of which only the disk can say no.
+    fn stored_trial(
+        &mut self,
+        stop: &AtomicBool,
+        on_event: &mut dyn FnMut(Event<'_>),
+        mut store: impl FnMut() -> Result<TrialReport, CompleteError>,
+    ) -> Result<Option<TrialReport>, SessionError> {
+        self.stored(stop, on_event, || match store() {
+            Ok(report) => Ok(report),
+            Err(CompleteError::Learner(error)) => Err(error),
+            Err(other) => unreachable!("the rollout is pending: {other}"),
+        })
     }
 
     /// Has something stored, again and again while the disk refuses it; `None` when stopped. Nothing
@@ -249,10 +290,12 @@ impl Link {
                     Err(LearnerError::Store(error)) if self.is_patient && error.may_pass() => {
                         if refused.is_none() {
                             on_event(Event::NotStored(error.to_string()));
+                            self.waits = WAITS_DISK;
                         }
                         refused = Some(Instant::now());
                     }
                     result => {
+                        self.waits = WAITS_NOT;
                         if refused.is_some() && result.is_ok() {
                             on_event(Event::Stored);
                         }

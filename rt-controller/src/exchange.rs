@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use shm_types::SCHEMA;
 use shm_types::policy::{PolicyMsg, PolicyName};
 use shm_types::ports::ControllerPorts;
+use shm_types::service_manager::{Notice, notify};
 use shm_types::telemetry::Heartbeat;
 
 use crate::admission::AdmissionError;
@@ -23,9 +24,9 @@ use crate::run::RunSummary;
 use crate::serve::{ExchangeEnds, Swap};
 use crate::serving::Serving;
 use crate::spool::Spool;
+use crate::stalls::Stalls;
 use crate::state_file::{State, StateError};
 use crate::swap::Served;
-use crate::watchdog::Watchdog;
 
 const POLL: Duration = Duration::from_micros(200);
 /// Rounds without work before the thread sleeps: what comes in bursts is answered at once.
@@ -85,6 +86,7 @@ pub(crate) struct Exchange<'a, P> {
     pub(crate) setup: Setup<'a, P>,
     pub(crate) ends: ExchangeEnds<P>,
     pub(crate) report: LoopReport,
+    pub(crate) stalls: Stalls,
     pub(crate) serving: Serving<P>,
     pub(crate) catalogue: Catalogue,
     /// Where there is a state folder.
@@ -110,9 +112,6 @@ pub(crate) struct Exchange<'a, P> {
     /// Something was done in this round.
     pub(crate) active: bool,
     beat_counter: u64,
-    watchdog: Watchdog,
-    /// Tick of the loop when the watchdog was last looked after.
-    watched_tick: u64,
     /// The services are to be made anew as soon as nothing is on its way through them.
     must_renew: bool,
     /// Said once, not with every attempt.
@@ -130,6 +129,7 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
     ) -> Result<Exchange<'a, P>, StateError> {
         let catalogue = Catalogue::open(setup.state)?;
         let serving = restore(&setup, catalogue.left());
+        let stalls = Stalls::new(setup.is_realtime());
         let (flights, latched) = (setup.state.map(FlightFiles::open), catalogue.left().latched);
         if let Some(Latched { fault, .. }) = latched {
             setup.latch.restore(fault);
@@ -142,6 +142,7 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
             setup,
             ends,
             report,
+            stalls,
             serving,
             catalogue,
             spool,
@@ -161,8 +162,6 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
             refused: 0,
             active: false,
             beat_counter: 0,
-            watchdog: Watchdog::start(),
-            watched_tick: 0,
             must_renew: false,
             loan_failed: false,
         })
@@ -176,6 +175,7 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
         while !stop.load(Ordering::Relaxed) && !rt_ended() {
             self.active = false;
             self.report.drain(&self.ports);
+            self.stalls.see(&self.report);
             self.serving.passed(self.report.last.record.tick, self.in_flight.is_some());
             self.watch_latch();
             self.take_flights();
@@ -203,7 +203,9 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
             if now >= next_housekeeping {
                 next_housekeeping = now + HOUSEKEEPING;
                 self.must_renew |= self.ports.clean_up() > MAX_LEAKED;
-                self.feed_watchdog();
+                // A loop that has stopped ticking is worth a restart; what is owed is told all the same.
+                notify(if self.stalls.is_ticking() { &[Notice::Watchdog] } else { &[] });
+                self.link.look(&self.ports);
             }
             idle_rounds = if self.active { 0 } else { idle_rounds + 1 };
             match idle_rounds < EAGER_ROUNDS {
@@ -229,22 +231,13 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
         }
     }
 
-    /// Only while the loop lives: one that has stopped ticking is worth a restart.
-    fn feed_watchdog(&mut self) {
-        let tick = self.report.last.record.tick;
-        // Without the wall clock nothing ticks between rollouts.
-        if !self.setup.is_realtime() || tick != self.watched_tick {
-            self.watchdog.feed();
-        }
-        self.watched_tick = tick;
-    }
-
     fn beat(&mut self) {
         self.beat_counter += 1;
         let (boot_id, counter) = (self.boot_id, self.beat_counter);
         let pinned = u64::from(self.serving.is_pinned());
         let latched = self.setup.latch.fault().unwrap_or(Fault::None) as u64;
-        let beat = Heartbeat { schema: SCHEMA, boot_id, counter, pinned, latched, leaving: 0 };
+        let beat =
+            Heartbeat { schema: SCHEMA, boot_id, counter, pinned, latched, leaving: 0, waits: 0 };
         let _ = self.ports.beat.send_copy(beat);
         self.report.flush(&self.ports);
         self.ports.meet_newcomers();
@@ -311,7 +304,13 @@ fn restore<P: PartialEq>(setup: &Setup<P>, left: &State) -> Serving<P> {
     serving.restore(again(left.active), again(left.last_good), left.pinned);
     if let Some(served) = serving.served() {
         let policy = served.name().describe();
-        tracing::info!(pinned = serving.is_pinned(), "policy {policy} of the last run is restored");
+        match serving.is_pinned() {
+            true => tracing::warn!(
+                "policy {policy} was pinned by an earlier run and is served from now on, without a \
+                 command: `skillet policy unpin` or `skillet hold` ends that"
+            ),
+            false => tracing::info!("policy {policy} of the last run is restored"),
+        }
     }
     serving
 }

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use shm_types::channel::EpisodeLoan;
 use shm_types::episode::{EpisodeHeader, OUTCOME_SUCCESS};
 use shm_types::policy::PolicyName;
+use shm_types::reason;
 
 use crate::exchange::{Exchange, InFlight};
 use crate::fault::Fault;
@@ -261,8 +262,11 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
             Err(error) => {
                 tracing::warn!(rollout = name.rollout, "policy refused: {error}");
                 self.refused += 1;
-                *episode.user_header_mut() =
-                    EpisodeHeader { fault: Fault::PolicyRefused as u64, ..self.header(&name) };
+                *episode.user_header_mut() = EpisodeHeader {
+                    fault: Fault::PolicyRefused as u64,
+                    reason: reason::pack(&error.to_string()),
+                    ..self.header(&name)
+                };
                 self.send(name, episode);
             }
         }

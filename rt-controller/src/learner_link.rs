@@ -6,11 +6,13 @@ use std::time::{Duration, Instant};
 use shm_types::SCHEMA;
 use shm_types::policy::{PolicyMsg, PolicyName};
 use shm_types::ports::ControllerPorts;
-use shm_types::telemetry::Heartbeat;
+use shm_types::telemetry::{Heartbeat, WAITS_NOT};
 
 pub(crate) struct LearnerLink {
     started: Instant,
     seen: Option<(Heartbeat, Instant)>,
+    /// A learner is in the cell since then, and was not heard.
+    mute: Option<Instant>,
     /// Newest session and rollout reported, and up to which the learner holds its own durable.
     reported: PolicyName,
     durable: (u64, u64),
@@ -25,6 +27,7 @@ impl LearnerLink {
         LearnerLink {
             started: Instant::now(),
             seen: None,
+            mute: None,
             reported: PolicyName::NONE,
             durable: (0, 0),
             has_news: false,
@@ -53,6 +56,7 @@ impl LearnerLink {
         while let Ok(Some(beat)) = ports.learner_beat.receive() {
             if beat.schema == SCHEMA && self.seen.is_none_or(|(last, _)| last != *beat) {
                 self.seen = Some((*beat, Instant::now()));
+                self.mute = None;
             }
         }
     }
@@ -77,6 +81,29 @@ impl LearnerLink {
     /// Age of the last heartbeat of a learner that did not take its leave.
     pub fn age(&self) -> Option<Duration> {
         self.seen.filter(|(beat, _)| beat.leaving == 0).map(|(_, seen)| seen.elapsed())
+    }
+
+    /// Looks after a learner that holds its place in the cell and says nothing: it starts, ends, or is
+    /// stuck.
+    pub fn look(&mut self, ports: &ControllerPorts) {
+        match ports.has_learner() {
+            Some(true) if self.age().is_none() => {
+                self.mute.get_or_insert_with(Instant::now);
+            }
+            Some(_) => self.mute = None,
+            None => {}
+        }
+    }
+
+    /// For how long a learner has been there that was not heard.
+    pub fn mute(&self) -> Option<Duration> {
+        self.mute.map(|since| since.elapsed())
+    }
+
+    /// What the learner waits for, by its own word.
+    pub fn waits(&self) -> u64 {
+        let heard = self.seen.filter(|(beat, _)| beat.leaving == 0);
+        heard.map_or(WAITS_NOT, |(beat, _)| beat.waits)
     }
 
     /// No learner was heard for `after`.

@@ -40,6 +40,7 @@ mod serve;
 mod serving;
 pub mod simulate;
 mod spool;
+mod stalls;
 pub mod state_file;
 mod status;
 mod swap;
@@ -48,7 +49,6 @@ pub mod tick;
 mod timing;
 pub mod timing_file;
 mod trust;
-mod watchdog;
 pub mod wrench;
 
 pub use action::run_action;

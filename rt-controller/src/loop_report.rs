@@ -11,18 +11,24 @@ pub(crate) struct LoopReport {
     ring: Consumer<TelemetryTick>,
     batch: Telemetry,
     pub stats: LoopStats,
+    /// In the last drain: how many ticks came, and the latest wake-up among them.
+    pub fresh: usize,
+    pub latest_ns: u64,
     pub last: TelemetryTick,
 }
 
 impl LoopReport {
     pub fn new(ring: Consumer<TelemetryTick>) -> LoopReport {
         let (batch, last) = (Telemetry::EMPTY, TelemetryTick::ZERO);
-        LoopReport { ring, batch, stats: LoopStats::new(), last }
+        LoopReport { ring, batch, stats: LoopStats::new(), fresh: 0, latest_ns: 0, last }
     }
 
     /// Takes in all ticks since the last call and sends them on in batches.
     pub fn drain(&mut self, ports: &ControllerPorts) {
+        (self.fresh, self.latest_ns) = (0, 0);
         while let Ok(tick) = self.ring.pop() {
+            self.fresh += 1;
+            self.latest_ns = self.latest_ns.max(tick.wakeup_ns);
             self.stats.add(&tick);
             self.batch.lost += tick.record.tick.saturating_sub(self.last.record.tick + 1);
             self.last = tick;

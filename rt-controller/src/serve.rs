@@ -3,11 +3,11 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use rtrb::{Consumer, Producer, RingBuffer};
-use sd_notify::NotifyState;
 use shm_types::cell::{Cell, Role};
 use shm_types::channel::{EPISODE_LOANS, EpisodeLoan};
 use shm_types::episode::OutcomeMsg;
 use shm_types::ports::ControllerPorts;
+use shm_types::service_manager::{Notice, notify};
 use shm_types::telemetry::TelemetryTick;
 
 use crate::exchange::{Exchange, Setup};
@@ -115,11 +115,11 @@ pub(crate) fn serve<P: Send + Clone + PartialEq>(
             .map_err(|error| RunError::Panic(format!("it could not be started: {error}")))?;
 
         tracing::info!(cell = cell.name(), ?pace, "controller ready");
-        tell_manager(NotifyState::Ready);
+        notify(&[Notice::Ready]);
         // Commands and swaps must not wait behind a busy learner; the loop stays above.
         let _raised = is_realtime.then(|| Raised::to(EXCHANGE_PRIORITY)).flatten();
         let summary = exchange.run(stop, || thread.is_finished());
-        tell_manager(NotifyState::Stopping);
+        notify(&[Notice::Stopping]);
         // The thread may be waiting for its next deadline; it sees `stop` right after.
         stop.store(true, Ordering::Relaxed);
         match thread.join() {
@@ -131,12 +131,6 @@ pub(crate) fn serve<P: Send + Clone + PartialEq>(
             Err(panic) => Err(RunError::Panic(panic_text(&*panic))),
         }
     })
-}
-
-/// Tells the service manager, where there is one.
-pub(crate) fn tell_manager(state: NotifyState) {
-    // One that does not listen will notice by itself.
-    let _ = sd_notify::notify(false, &[state]);
 }
 
 fn panic_text(panic: &(dyn std::any::Any + Send)) -> String {

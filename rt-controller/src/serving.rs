@@ -31,6 +31,8 @@ pub(crate) struct Serving<P> {
     previous: Vec<Arc<Served<P>>>,
     last_good: Option<Arc<Served<P>>>,
     pinned: bool,
+    /// The pin is that of an earlier run, and no command has been about it since.
+    pin_restored: bool,
     swap: Option<Swapping<P>>,
     /// One rollout of the active policy is due: it was swapped in while none was in progress.
     due: bool,
@@ -48,6 +50,7 @@ impl<P: PartialEq> Serving<P> {
             previous: Vec::new(),
             last_good: None,
             pinned: false,
+            pin_restored: false,
             swap: None,
             due: false,
             last_seq: 0,
@@ -66,6 +69,7 @@ impl<P: PartialEq> Serving<P> {
         pinned: bool,
     ) {
         self.pinned = pinned && (active.is_some() || last_good.is_some());
+        self.pin_restored = self.pinned;
         (self.active, self.last_good) = (active, last_good);
     }
 
@@ -86,11 +90,15 @@ impl<P: PartialEq> Serving<P> {
         self.pinned
     }
 
+    pub fn is_pin_restored(&self) -> bool {
+        self.pinned && self.pin_restored
+    }
+
     pub fn pin(&mut self, pinned: bool) -> Result<(), SwapRefused> {
         if pinned && self.served().is_none() {
             return Err(SwapRefused::NothingToPin);
         }
-        self.pinned = pinned;
+        (self.pinned, self.pin_restored) = (pinned, false);
         Ok(())
     }
 
@@ -175,6 +183,8 @@ impl<P: PartialEq> Serving<P> {
         let to = swap.to.clone();
         let (is_rollback, now) = (swap.is_rollback, swap.now);
         self.applied += 1;
+        self.rollbacks += u64::from(is_rollback);
+        self.pin_restored = false;
         self.torn += u64::from(applied.policy != to.policy);
         if applied.in_rollout && now && self.blend_ticks > 0 {
             swap.stage = Stage::Fading { until: applied.tick + self.blend_ticks };

@@ -1,6 +1,7 @@
 //! What the controller says of itself.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use shm_types::command::Status;
 use shm_types::policy::PolicyName;
@@ -8,6 +9,10 @@ use shm_types::policy::PolicyName;
 use crate::exchange::Exchange;
 use crate::latch::Latched;
 use crate::swap::Served;
+
+fn ns_or_max(time: Option<Duration>) -> u64 {
+    time.map_or(u64::MAX, |time| time.as_nanos() as u64)
+}
 
 impl<P: Clone + PartialEq> Exchange<'_, P> {
     pub(crate) fn status(&self) -> Status {
@@ -36,6 +41,7 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
             active: name(self.serving.active()),
             last_good: name(self.serving.last_good()),
             pinned: u64::from(self.serving.is_pinned()),
+            pin_restored: u64::from(self.serving.is_pin_restored()),
             imported: self.catalogue.len() as u64,
             rollouts_done: self.rollouts,
             rollouts_served: self.served,
@@ -48,7 +54,14 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
             spooled: self.spool.as_ref().map_or(0, |spool| spool.len() as u64),
             spool_full: u64::from(self.spool.as_ref().is_some_and(|spool| spool.is_full())),
             unacknowledged: self.link.unacknowledged(),
-            learner_age_ns: self.link.age().map_or(u64::MAX, |age| age.as_nanos() as u64),
+            learner_age_ns: ns_or_max(self.link.age()),
+            learner_mute_ns: ns_or_max(self.link.mute()),
+            learner_waits: self.link.waits(),
+            stalls: self.stalls.count,
+            stall_longest_ns: self.stalls.longest.as_nanos() as u64,
+            stall_last_ns: self.stalls.last().map_or(0, |(stall, _)| stall.as_nanos() as u64),
+            stall_age_ns: ns_or_max(self.stalls.last().map(|(_, age)| age)),
+            tick_age_ns: self.stalls.tick_age().as_nanos() as u64,
             deadline_misses: self.report.stats.missed,
             wakeup_p50_ns: wakeup.p50,
             wakeup_p99_ns: wakeup.p99,

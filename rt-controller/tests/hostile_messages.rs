@@ -8,11 +8,10 @@ use hostile::{messages, mutate, noise};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use shm_types::SCHEMA;
-use shm_types::command::{
-    AT_NOW, COMMAND_HOLD, COMMAND_STATUS, Command, REASON_LEN, Reply, Status,
-};
+use shm_types::command::{AT_NOW, COMMAND_HOLD, COMMAND_STATUS, Command, Reply, Status};
 use shm_types::episode::{EpisodeHeader, TickRecord};
 use shm_types::news::{MAX_MODES, TrialNews};
+use shm_types::reason::{self, REASON_LEN};
 use shm_types::telemetry::{TELEMETRY_TICKS, Telemetry};
 
 const FEW: u64 = 100_000;
@@ -78,6 +77,7 @@ fn an_episode_that_is_taken_holds_numbers_only() {
         let Ok(used) = header.validate(&records) else { continue };
         taken += 1;
         assert_eq!((header.schema, used.len() as u64), (SCHEMA, header.n_records));
+        assert!(reason::is_valid(&header.reason));
         let (_flags, outcome) = header.outcome.as_bytes().split_at(8);
         assert!(outcome.chunks_exact(8).all(is_number), "{:?}", header.outcome);
         for record in used {

@@ -145,6 +145,24 @@ impl Cell {
         }
     }
 
+    /// Removes everything the cell shares, whoever uses it: for a process that is about to end.
+    pub fn tear_down(&self) {
+        remove_shared_memory(&self.shm_prefix());
+        let _ = fs::remove_dir_all(&self.dir);
+    }
+
+    /// Whether somebody plays the role; `None` where that cannot be seen at the moment. Waits for nobody.
+    pub fn is_taken(&self, role: Role) -> Option<bool> {
+        let dir = File::open(self.dir.parent()?).ok()?;
+        // As in `starting`: whoever takes a role now must not find it taken by this look.
+        flock(&dir, FlockOperation::NonBlockingLockExclusive).ok()?;
+        match self.try_lock(role) {
+            Ok(_) => Some(false),
+            Err(CellError::Busy { .. }) => Some(true),
+            Err(_) => None,
+        }
+    }
+
     /// That the cell, if it is there, is this user's: the transport would only say that it failed.
     pub(crate) fn expect_own(&self) -> Result<(), CellError> {
         for dir in self.dir.parent().into_iter().chain([self.dir.as_path()]) {
@@ -283,7 +301,9 @@ mod tests {
         let cell = Cell::new(&format!("lock-{}", std::process::id())).unwrap();
         let first = cell.lock(Role::Controller).unwrap();
         assert!(matches!(cell.lock(Role::Controller), Err(CellError::Busy { .. })));
+        assert_eq!(cell.is_taken(Role::Learner), Some(false));
         let learner = cell.lock(Role::Learner).unwrap();
+        assert_eq!(cell.is_taken(Role::Learner), Some(true));
         drop(first);
         drop(cell.lock(Role::Controller).unwrap());
         drop(learner);

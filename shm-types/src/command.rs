@@ -8,6 +8,7 @@ use thiserror::Error;
 
 use crate::SCHEMA;
 use crate::policy::{PolicyMsg, PolicyName};
+use crate::reason::{self, NO_REASON, REASON_LEN};
 
 pub const COMMAND_STATUS: u64 = 1;
 pub const COMMAND_STOP: u64 = 2;
@@ -35,9 +36,6 @@ pub const AT_NOW: u64 = 1;
 /// `policy_id` of the last good policy, whatever its number.
 pub const LAST_GOOD: u64 = 0;
 
-/// Bytes of a [`Reply::reason`].
-pub const REASON_LEN: usize = 320;
-
 message! {
     /// A request; `id` is drawn at random by the client, so that a repeated request is recognised.
     pub struct Command as "skillet/Command/2" {
@@ -56,7 +54,7 @@ message! {
 
 message! {
     /// State of the controller when it answered. Times in ns; percentiles since its start.
-    pub struct Status as "skillet/Status/2" {
+    pub struct Status as "skillet/Status/3" {
         pub boot_id: u64,
         pub tick: u64,
         pub phase: u64,
@@ -80,6 +78,8 @@ message! {
         pub active: PolicyName,
         pub last_good: PolicyName,
         pub pinned: u64,
+        /// 1: the pin is that of an earlier run, and nobody has said anything about it since.
+        pub pin_restored: u64,
         /// Policies in the catalogue.
         pub imported: u64,
         /// Rollouts that a learner asked for, and others.
@@ -91,7 +91,7 @@ message! {
         /// Policies refused by admission, and commands refused for any reason.
         pub policies_refused: u64,
         pub commands_refused: u64,
-        /// Times the controller went back to the last good policy by itself.
+        /// Ways back to an earlier policy: by a command, or after a fault by itself.
         pub rollbacks: u64,
         /// Writes of the cell's state that failed.
         pub state_errors: u64,
@@ -104,6 +104,18 @@ message! {
         /// Age of the learner's last heartbeat; `u64::MAX` without a learner: none was ever seen, or it
         /// ended in order.
         pub learner_age_ns: u64,
+        /// For how long a learner has been in the cell that was not heard; `u64::MAX` without one.
+        pub learner_mute_ns: u64,
+        /// What the learner waits for: `telemetry::WAITS_*`.
+        pub learner_waits: u64,
+        /// How often the loop stood still, for how long at most and the last time, and how long ago that
+        /// ended; `u64::MAX` when it never did.
+        pub stalls: u64,
+        pub stall_longest_ns: u64,
+        pub stall_last_ns: u64,
+        pub stall_age_ns: u64,
+        /// In real time: since the loop's last tick was seen.
+        pub tick_age_ns: u64,
         pub deadline_misses: u64,
         pub wakeup_p50_ns: u64,
         pub wakeup_p99_ns: u64,
@@ -177,26 +189,19 @@ impl Reply {
             policy: PolicyName::NONE,
             applied_tick: 0,
             applied_ns: 0,
-            reason: [0; REASON_LEN],
+            reason: NO_REASON,
             status,
         }
     }
 
     /// A refused one; a reason that is too long loses its end.
     pub fn refused(id: u64, status: Status, reason: &str) -> Reply {
-        let mut reply = Reply { accepted: 0, ..Reply::accepted(id, status) };
-        let mut end = reason.len().min(REASON_LEN);
-        while !reason.is_char_boundary(end) {
-            end -= 1;
-        }
-        reply.reason[..end].copy_from_slice(&reason.as_bytes()[..end]);
-        reply
+        Reply { accepted: 0, reason: reason::pack(reason), ..Reply::accepted(id, status) }
     }
 
     /// What a person reads.
     pub fn reason_text(&self) -> String {
-        let end = self.reason.iter().position(|byte| *byte == 0).unwrap_or(REASON_LEN);
-        String::from_utf8_lossy(&self.reason[..end]).into_owned()
+        reason::unpack(&self.reason)
     }
 }
 
@@ -218,6 +223,7 @@ impl Status {
         active: PolicyName::NONE,
         last_good: PolicyName::NONE,
         pinned: 0,
+        pin_restored: 0,
         imported: 0,
         rollouts_done: 0,
         rollouts_served: 0,
@@ -231,6 +237,13 @@ impl Status {
         spool_full: 0,
         unacknowledged: 0,
         learner_age_ns: u64::MAX,
+        learner_mute_ns: u64::MAX,
+        learner_waits: 0,
+        stalls: 0,
+        stall_longest_ns: 0,
+        stall_last_ns: 0,
+        stall_age_ns: u64::MAX,
+        tick_age_ns: 0,
         deadline_misses: 0,
         wakeup_p50_ns: 0,
         wakeup_p99_ns: 0,
@@ -257,10 +270,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reason_is_cut_between_characters() {
-        let long = "µ".repeat(REASON_LEN);
-        let reply = Reply::refused(1, Status::ZERO, &long);
-        assert_eq!(reply.reason_text(), "µ".repeat(REASON_LEN / 2));
+    fn a_refusal_has_a_reason() {
         assert_eq!(Reply::refused(1, Status::ZERO, "no").reason_text(), "no");
         assert_eq!(Reply::accepted(1, Status::ZERO).reason_text(), "");
     }

@@ -3,6 +3,7 @@
 use iceoryx2::prelude::ZeroCopySend;
 use thiserror::Error;
 
+use crate::reason::{self, NO_REASON, REASON_LEN};
 use crate::{MAX_JOINTS, SCHEMA, TASK_DIM};
 
 /// Longest rollout, in ticks: 4 s at 1 kHz.
@@ -109,7 +110,7 @@ message! {
 
 message! {
     /// User header of an episode.
-    pub struct EpisodeHeader as "skillet/EpisodeHeader/2" {
+    pub struct EpisodeHeader as "skillet/EpisodeHeader/3" {
         pub schema: u64,
         /// Start of the controller that ran it; with `rollout` it names the episode.
         pub boot_id: u64,
@@ -128,6 +129,8 @@ message! {
         pub n_records: u64,
         /// First fault of the rollout, or 0.
         pub fault: u64,
+        /// Why the policy was refused, where it was; see [`crate::reason`].
+        pub reason: [u8; REASON_LEN],
         pub outcome: OutcomeMsg,
     }
 }
@@ -156,6 +159,8 @@ pub enum EpisodeError {
     Outcome { field: &'static str, value: f64 },
     #[error("record {record} holds a value that is not finite; episode ignored")]
     Record { record: usize },
+    #[error("the reason of a refusal is no text; episode ignored")]
+    Reason,
 }
 
 impl OutcomeMsg {
@@ -246,6 +251,7 @@ impl Default for EpisodeHeader {
             period_ns: 0,
             n_records: 0,
             fault: 0,
+            reason: NO_REASON,
             outcome: OutcomeMsg::ZERO,
         }
     }
@@ -259,6 +265,9 @@ impl EpisodeHeader {
     ) -> Result<&'a [TickRecord], EpisodeError> {
         if self.schema != SCHEMA {
             return Err(EpisodeError::Schema { found: self.schema });
+        }
+        if !reason::is_valid(&self.reason) {
+            return Err(EpisodeError::Reason);
         }
         let used = usize::try_from(self.n_records)
             .ok()
@@ -296,6 +305,9 @@ mod tests {
             unmeasured.validate(&records),
             Err(EpisodeError::Outcome { field: "apex_m", .. })
         ));
+        let mut muttered = header;
+        muttered.reason[7] = b'x';
+        assert_eq!(muttered.validate(&records), Err(EpisodeError::Reason));
         records[1].tau[6] = f64::INFINITY;
         assert_eq!(header.validate(&records), Err(EpisodeError::Record { record: 1 }));
     }

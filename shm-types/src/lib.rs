@@ -20,6 +20,8 @@ mod observer;
 pub mod policy;
 pub mod policy_json;
 pub mod ports;
+pub mod reason;
+pub mod service_manager;
 pub mod telemetry;
 
 pub use schema::{Digest, SCHEMA};

@@ -11,7 +11,7 @@ use iceoryx2::port::{
 use iceoryx2::prelude::*;
 
 use crate::SCHEMA;
-use crate::cell::Cell;
+use crate::cell::{Cell, Role};
 use crate::channel::*;
 use crate::command::{COMMAND_STATUS, Command, Reply, Status};
 use crate::episode::{Ack, EpisodeHeader, MAX_RECORDS, TickRecord};
@@ -49,6 +49,11 @@ pub struct ControllerPorts {
 }
 
 impl ControllerPorts {
+    /// Whether a learner is in the cell, heard or not; `None` where that cannot be seen at the moment.
+    pub fn has_learner(&self) -> Option<bool> {
+        self.cell.is_taken(Role::Learner)
+    }
+
     /// Creates every service of the cell. Call with the cell's controller lock held.
     pub fn create(cell: &Cell) -> Result<ControllerPorts, ChannelError> {
         let member = Member::first(cell)?;

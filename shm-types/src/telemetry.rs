@@ -8,6 +8,11 @@ use crate::episode::TickRecord;
 /// Ticks in one telemetry sample.
 pub const TELEMETRY_TICKS: usize = 20;
 
+/// Values of [`Heartbeat::waits`]: for nothing that its controller does not know of, or for a disk that
+/// refuses what was learnt.
+pub const WAITS_NOT: u64 = 0;
+pub const WAITS_DISK: u64 = 1;
+
 message! {
     /// One tick as an observer sees it.
     pub struct TelemetryTick as "skillet/TelemetryTick/2" {
@@ -36,7 +41,7 @@ message! {
 
 message! {
     /// "I am alive": a counter; its age tells.
-    pub struct Heartbeat as "skillet/Heartbeat/4" {
+    pub struct Heartbeat as "skillet/Heartbeat/5" {
         pub schema: u64,
         pub boot_id: u64,
         pub counter: u64,
@@ -46,6 +51,8 @@ message! {
         pub latched: u64,
         /// Of a learner: 1 in its last one, when it ends in order.
         pub leaving: u64,
+        /// Of a learner: `WAITS_*`.
+        pub waits: u64,
     }
 }
 

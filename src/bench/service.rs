@@ -16,6 +16,7 @@ use shm_types::ports::ToolPorts;
 use super::arm::message;
 use crate::children::Service;
 use crate::config::{Config, LogConfig};
+use crate::signals::end_after;
 
 const CELL_PREFIX: &str = "bench-";
 const SOON: Duration = Duration::from_secs(10);
@@ -41,6 +42,9 @@ impl BenchCell {
         let config = Config { log, ..config.clone() };
         std::fs::write(dir.join("bench.toml"), config.to_toml()?)
             .with_context(|| format!("{}: cannot write", dir.display()))?;
+        // Its services end with this process, and clear their cell away.
+        let scratch = dir.clone();
+        end_after(move || drop(std::fs::remove_dir_all(&scratch)))?;
         Ok(BenchCell { cell, dir })
     }
 

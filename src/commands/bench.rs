@@ -7,6 +7,7 @@ use crate::bench::{Bench, Plan, latency, output, sim, swap, tick, transport};
 use crate::cli::bench::{BenchArgs, BenchOptions, BenchVerb};
 use crate::host::Host;
 use crate::output::{print, print_json};
+use crate::stderr::say;
 
 pub fn run(args: &BenchArgs) -> Result<Verdict> {
     match &args.verb {
@@ -22,11 +23,11 @@ pub fn run(args: &BenchArgs) -> Result<Verdict> {
 
 fn measure(bench: &Bench, options: &BenchOptions, n: Option<u64>) -> Result<()> {
     if cfg!(debug_assertions) {
-        eprintln!(
+        say(&format!(
             "skillet: timings of a development build mean little: use `cargo run --release -- \
              bench {}`",
             bench.name
-        );
+        ));
     }
     // Before: its load average is not this bench's own.
     let host = Host::here();

@@ -18,10 +18,10 @@ use crate::cell::state_dir;
 use crate::cli::{ControllerArgs, PaceArg};
 use crate::config::Config;
 use crate::metrics::Endpoint;
+use crate::signals::{Who, stop_flag};
 use crate::{log, reload, setup};
 
 pub fn run(args: &ControllerArgs) -> Result<Verdict> {
-    let stop = setup::stop_flag()?;
     if let Some(parent) = args.child {
         setup::end_with_parent(parent)?;
     }
@@ -30,6 +30,7 @@ pub fn run(args: &ControllerArgs) -> Result<Verdict> {
     if args.pace == PaceArg::Realtime {
         leave_core(core); // before a thread starts; the loop's goes back there
     }
+    let stop = stop_flag(Who::service(args.child))?;
     let set_level = log::start(&config.log);
     reload::on_hangup(args.config.as_deref(), &config, set_level)?;
     let cell = Cell::new(args.cell.as_deref().unwrap_or(&config.cell.name))?;

@@ -10,6 +10,7 @@ use crate::config::Config;
 use crate::demo::{self, Effort, Options, Summary};
 use crate::output::{print, print_json, write_new};
 use crate::setup;
+use crate::stderr::say;
 
 pub fn run(args: &DemoArgs) -> Result<Verdict> {
     match &args.verb {
@@ -41,7 +42,7 @@ fn import(args: &ImportArgs) -> Result<Verdict> {
         columns: args.columns.clone(),
     };
     let imported = demo::import(&file, &bytes, &model, &options)?;
-    imported.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
+    imported.warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
 
     let csv = imported.csv();
     let demonstration = Demonstration::parse(&args.out.display().to_string(), &csv)?;

@@ -21,6 +21,8 @@ use crate::config::Config;
 use crate::output::print;
 use crate::progress::{Progress, TrialLine};
 use crate::session_folder::SessionFolder;
+use crate::signals::{Who, stop_flag};
+use crate::stderr::say;
 use crate::summary::Summary;
 use crate::{commands, setup};
 
@@ -29,7 +31,7 @@ const WATCH: Duration = Duration::from_millis(50);
 
 pub fn run(args: &LearnArgs) -> Result<Verdict> {
     let (folder, config) = prepare(args)?;
-    let stop = setup::stop_flag()?;
+    let stop = stop_flag(Who::Tool)?;
     // A cell of its own: sessions on one machine do not meet. One that was killed left its own.
     Cell::remove_idle(&runtime_dir(), PRIVATE_CELL);
     let cell = Cell::new(&format!("{PRIVATE_CELL}{}", std::process::id()))?;
@@ -39,7 +41,7 @@ pub fn run(args: &LearnArgs) -> Result<Verdict> {
     let run = result?;
     if run.interrupted && !folder.database().exists() {
         let dir = folder.dir().display();
-        eprintln!("stopped before the first rollout; go on with --out {dir}");
+        say(&format!("stopped before the first rollout; go on with --out {dir}"));
         return Ok(Verdict::Negative);
     }
 

@@ -11,10 +11,10 @@ use learner::session::{self, End, Event};
 use learner::store::{SessionMeta, Store};
 use rt_controller::fault::Fault;
 use rt_controller::rt::{leave_core, loop_core};
-use sd_notify::NotifyState;
 use shm_types::cell::{Cell, Role};
 use shm_types::channel::ChannelError;
 use shm_types::ports::LearnerPorts;
+use shm_types::service_manager::{Notice, notify};
 
 use crate::Verdict;
 use crate::cli::{LearnerArgs, PaceArg};
@@ -25,6 +25,8 @@ use crate::record::recorder::Limits;
 use crate::record::session::SessionRecorder;
 use crate::resume::resume;
 use crate::session_folder::SessionFolder;
+use crate::signals::{Who, stop_flag};
+use crate::stderr::{self, Sink};
 use crate::{log, record, reload, setup};
 
 /// A further recording begins when one has grown so large.
@@ -35,7 +37,6 @@ const PATIENCE: Duration = Duration::from_secs(10);
 const START_MORE: Duration = Duration::from_secs(60);
 
 pub fn run(args: &LearnerArgs) -> Result<Verdict> {
-    let stop = setup::stop_flag()?;
     if let Some(parent) = args.child {
         setup::end_with_parent(parent)?;
     }
@@ -53,6 +54,7 @@ pub fn run(args: &LearnerArgs) -> Result<Verdict> {
     if args.pace == PaceArg::Realtime {
         leave_core(loop_core(config.controller.cpu)); // before a thread starts
     }
+    let stop = stop_flag(Who::service(args.child))?;
     let set_level = log::start(&config.log);
     reload::on_hangup(Some(&folder.config_path()), &config, set_level)?;
     let _session = folder.lock()?;
@@ -61,7 +63,7 @@ pub fn run(args: &LearnerArgs) -> Result<Verdict> {
     let mut learner = open(&folder, &config)?;
 
     // A learner that waits for its controller is up.
-    let _ = sd_notify::notify(false, &[NotifyState::Ready]);
+    notify(&[Notice::Ready]);
     let ports = loop {
         match LearnerPorts::open(&cell, PATIENCE, &|| stop.load(Ordering::Relaxed)) {
             Ok(ports) => break ports,
@@ -71,7 +73,7 @@ pub fn run(args: &LearnerArgs) -> Result<Verdict> {
             Err(error @ ChannelError::NoController { .. }) => {
                 tell_manager("waiting for a controller");
                 tracing::warn!("{error}; waiting");
-                let _ = sd_notify::notify(false, &[NotifyState::Watchdog]);
+                notify(&[Notice::Watchdog]);
             }
             Err(error) => return Err(error.into()),
         }
@@ -80,14 +82,18 @@ pub fn run(args: &LearnerArgs) -> Result<Verdict> {
     tracing::info!(cell = cell.name(), session = %folder.dir().display(), "learner ready");
     let mut line = TrialLine::so_far(&learner.summary());
     let mut recording = args.record.then(|| start_recording(&folder, &config)).transpose()?;
+    let out = args.json.then(stderr::stdout);
     let mut on_event = |event: Event<'_>| {
         write_down(&event, &mut recording);
-        report(&event, &mut line, args.json);
+        report(&event, &mut line, out.as_ref());
     };
     // Whoever sits before a `learn` is told at once, and repeats it.
     let is_service = args.child.is_none();
     let end = session::run(ports, &mut learner, is_service, &stop, &mut on_event)?;
-    let _ = sd_notify::notify(false, &[NotifyState::Stopping]);
+    notify(&[Notice::Stopping]);
+    if let Some(out) = out {
+        out.finish();
+    }
     if let Some(recording) = recording {
         for file in recording.finish()? {
             tracing::info!(file = %file.display(), "recorded");
@@ -139,8 +145,7 @@ fn open(folder: &SessionFolder, config: &Config) -> Result<Learner> {
         return resume(folder, config, |text| {
             tracing::info!("{text}");
             // However long it takes, it is no start that hangs.
-            let more = NotifyState::ExtendTimeoutUsec(START_MORE.as_micros() as u32);
-            let _ = sd_notify::notify(false, &[more, NotifyState::Status(text)]);
+            notify(&[Notice::ExtendTimeout(START_MORE), Notice::Status(text)]);
         });
     }
     let demonstrations = setup::check(config)?;
@@ -155,16 +160,17 @@ fn open(folder: &SessionFolder, config: &Config) -> Result<Learner> {
         .with_context(|| format!("session {}", folder.dir().display()))
 }
 
-fn report(event: &Event<'_>, line: &mut TrialLine, json: bool) {
+/// `out` takes one JSON line a trial, for whoever started this process; nobody waits for it to be read.
+fn report(event: &Event<'_>, line: &mut TrialLine, out: Option<&Sink>) {
     match event {
         Event::Executed { .. } | Event::Modes(_) => {}
         Event::Trial(trial) => {
             line.add(trial);
-            if json {
-                // One line a trial: whoever started this process reads them.
+            if let Some(out) = out {
                 if let Ok(text) = serde_json::to_string(line) {
-                    println!("{text}");
+                    out.push(format!("{text}\n").into_bytes());
                 }
+                line.refused = None;
             } else {
                 let (rollout, reward, success) = (trial.rollout, trial.reward, trial.success);
                 tracing::info!(rollout, reward, success, "trial");
@@ -205,6 +211,13 @@ fn report(event: &Event<'_>, line: &mut TrialLine, json: bool) {
             tell_manager("learning");
             tracing::info!("stored after all; going on");
         }
+        Event::Refused { rollout, reason } => {
+            line.refused = Some(reason.clone());
+            tracing::warn!(
+                "rollout {rollout}: the controller refused its policy: {reason}; counted as a trial \
+                 without reward"
+            );
+        }
         Event::SetAside { rollout, reason } => {
             tracing::warn!("rollout {rollout} set aside, not learnt: {reason}");
         }
@@ -216,5 +229,5 @@ fn report(event: &Event<'_>, line: &mut TrialLine, json: bool) {
 
 /// What `systemctl status` shows; a manager that is not there misses nothing.
 fn tell_manager(what: &str) {
-    let _ = sd_notify::notify(false, &[NotifyState::Status(what)]);
+    notify(&[Notice::Status(what)]);
 }

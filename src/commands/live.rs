@@ -80,12 +80,19 @@ fn swap(cell: &NamedCell, command: Command, at: AtArg, as_json: bool) -> Result<
             "applied_monotonic_ns": reply.applied_ns,
             "applied_unix_s": applied.as_secs_f64(),
             "latency_ms": latency_ms,
+            "pinned": reply.status.pinned == 1,
         }))?;
     } else {
         let (policy, tick) = (reply.policy.describe(), reply.applied_tick);
         print(&format!(
             "policy {policy} applied at tick {tick}, {latency_ms:.2} ms after it was asked for\n"
         ))?;
+        if reply.status.pinned == 1 {
+            let name = cell.cell.name();
+            print(&format!(
+                "it is pinned now: a learner waits until `skillet policy unpin --cell {name}`\n"
+            ))?;
+        }
     }
     Ok(Verdict::Done)
 }

@@ -16,6 +16,7 @@ use crate::output::{print, print_json};
 use crate::report::ModeRow;
 use crate::resume::resume;
 use crate::session_folder::SessionFolder;
+use crate::stderr::say;
 
 /// A session at rest, and which mode it prefers.
 struct Found {
@@ -36,7 +37,7 @@ impl Found {
         if !store.has_current_modes().with_context(name)? {
             // Its learner was killed: what it had found follows from the trials.
             drop(store);
-            resume(&folder, &config, |text| eprintln!("{text}"))?.modes().with_context(name)?;
+            resume(&folder, &config, say)?.modes().with_context(name)?;
             store = Store::resume(&folder.database()).with_context(name)?;
         }
         let modes = with_policies(&store).with_context(name)?;
@@ -165,7 +166,7 @@ pub fn forbid(session: &Path, mode: &str) -> Result<Verdict> {
             Ok(Verdict::Done)
         }
         None => {
-            eprintln!("every mode is forbidden; `skillet policy forbid SESSION none` allows them");
+            say("every mode is forbidden; `skillet policy forbid SESSION none` allows them");
             Ok(Verdict::Negative)
         }
     }

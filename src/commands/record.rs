@@ -5,17 +5,20 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use anyhow::{Result, bail};
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressStyle;
 use serde_json::json;
 
 use crate::Verdict;
+use crate::bar::bar;
 use crate::cell::NamedCell;
 use crate::cli::record::RecordArgs;
 use crate::output::{print, print_json};
+use crate::record;
 use crate::record::file::recover_left;
 use crate::record::recorder::{Limits, Recorder};
 use crate::record::watcher::{Watcher, pause};
-use crate::{record, setup};
+use crate::signals::{Who, stop_flag};
+use crate::stderr::say;
 
 /// How long a controller is waited for.
 const OPEN: Duration = Duration::from_secs(2);
@@ -35,9 +38,9 @@ pub fn run(args: &RecordArgs) -> Result<Verdict> {
     let dir = path.parent().filter(|dir| !dir.as_os_str().is_empty()).unwrap_or(Path::new("."));
     std::fs::create_dir_all(dir)?;
     for recovered in recover_left(dir)? {
-        eprintln!("skillet: {} completed: its recorder had died", recovered.display());
+        say(&format!("skillet: {} completed: its recorder had died", recovered.display()));
     }
-    let stop = setup::stop_flag()?;
+    let stop = stop_flag(Who::Tool)?;
     let period = Duration::from_nanos(config.controller.period_ns());
     let mut watcher = Watcher::open(cell, period, OPEN)?;
     let mut scribe = record::scribe(config)?;
@@ -49,8 +52,7 @@ pub fn run(args: &RecordArgs) -> Result<Verdict> {
 
     // The policy in the loop is told to newcomers ten times a second: it shall be known before the ticks.
     std::thread::sleep(NEWCOMER);
-    let bar =
-        ProgressBar::new_spinner().with_style(ProgressStyle::with_template("{spinner} {msg}")?);
+    let bar = bar(None).with_style(ProgressStyle::with_template("{spinner} {msg}")?);
     let (start, mut said) = (Instant::now(), Instant::now());
     let is_over = || {
         let elapsed = start.elapsed().as_secs_f64();

@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use indicatif::ProgressBar;
 use learner::store::{Store, TrialRecord};
 use physics::action::{ActionWorld, Landscape};
 use physics::outcome::OutcomeConfig;
@@ -16,6 +15,7 @@ use shm_types::policy::PolicyMsg;
 
 use super::report::{best, open};
 use crate::Verdict;
+use crate::bar::bar;
 use crate::cli::record::ReplayArgs;
 use crate::config::Config;
 use crate::output::{print, print_json};
@@ -36,6 +36,11 @@ pub fn run(args: &ReplayArgs) -> Result<Verdict> {
     let trial = trials.iter().find(|trial| trial.rollout == rollout).with_context(|| {
         format!("{}: has no trial {rollout}, but 1..={}", args.session.display(), trials.len())
     })?;
+    if !trial.was_executed() {
+        bail!(
+            "trial {rollout} was not executed: it was refused or set aside, see `skillet trials`"
+        );
+    }
     let replayed = replay(&store, &config, trial)?;
     let default = || folder.dir().join(format!("replay-{rollout}.mcap"));
     let path = write(&config, trial, &replayed, &args.out.clone().unwrap_or_else(default))?;
@@ -50,11 +55,11 @@ pub fn run(args: &ReplayArgs) -> Result<Verdict> {
 }
 
 fn all(store: &Store, config: &Config, trials: &[TrialRecord], as_json: bool) -> Result<Verdict> {
-    let bar = ProgressBar::new(trials.len() as u64);
+    let bar = bar(Some(trials.len() as u64));
     let mut different = Vec::new();
     let mut executed = 0;
-    // What gave no usable episode has nothing to be compared with.
-    for trial in bar.wrap_iter(trials.iter().filter(|trial| !trial.set_aside)) {
+    // What was not executed has nothing to be compared with.
+    for trial in bar.wrap_iter(trials.iter().filter(|trial| trial.was_executed())) {
         executed += 1;
         if !replay(store, config, trial)?.is_same(trial) {
             different.push(trial.rollout);

@@ -8,11 +8,12 @@ use anyhow::{Context, Result};
 use crate::Verdict;
 use crate::cli::soak::SoakArgs;
 use crate::output::{print, print_json};
-use crate::setup;
+use crate::signals::{Who, stop_flag};
 use crate::soak::{self, Plan};
+use crate::stderr::say;
 
 pub fn run(args: &SoakArgs) -> Result<Verdict> {
-    let stop = setup::stop_flag()?;
+    let stop = stop_flag(Who::Tool)?;
     let scratch = std::env::temp_dir().join(format!("skillet-soak-{}", std::process::id()));
     let dir = args.out.clone().unwrap_or_else(|| scratch.clone());
     std::fs::create_dir_all(&dir)
@@ -34,7 +35,7 @@ pub fn run(args: &SoakArgs) -> Result<Verdict> {
         print(&summary.text())?;
     }
     if !summary.is_good() {
-        eprintln!("sessions and logs are in {}", dir.display());
+        say(&format!("sessions and logs are in {}", dir.display()));
         return Ok(Verdict::Negative);
     }
     if args.out.is_none() {

@@ -63,7 +63,11 @@ fn latched(status: &Status) -> Option<&'static str> {
 }
 
 fn learner_age_s(status: &Status) -> Option<f64> {
-    (status.learner_age_ns != u64::MAX).then_some(status.learner_age_ns as f64 * 1e-9)
+    seconds(status.learner_age_ns)
+}
+
+fn seconds(ns: u64) -> Option<f64> {
+    (ns != u64::MAX).then_some(ns as f64 * 1e-9)
 }
 
 fn as_json(cell: &Cell, status: &Status) -> serde_json::Value {
@@ -73,6 +77,7 @@ fn as_json(cell: &Cell, status: &Status) -> serde_json::Value {
         "controller": "running",
         "health": health,
         "findings": findings,
+        "notes": health::notes(status, cell.name()),
         "boot_id": status.boot_id,
         "pace": if status.realtime == 1 { "realtime" } else { "max" },
         "phase": phase(status),
@@ -90,6 +95,7 @@ fn as_json(cell: &Cell, status: &Status) -> serde_json::Value {
         "active_policy": status.active.describe(),
         "last_good_policy": status.last_good.describe(),
         "pinned": status.pinned == 1,
+        "pin_restored": status.pin_restored == 1,
         "imported": status.imported,
         "rollouts_done": status.rollouts_done,
         "rollouts_served": status.rollouts_served,
@@ -103,9 +109,19 @@ fn as_json(cell: &Cell, status: &Status) -> serde_json::Value {
         "spool_full": status.spool_full == 1,
         "unacknowledged_episodes": status.unacknowledged,
         "learner_age_s": learner_age_s(status),
+        "stalls": stalls(status),
         "deadline_misses": status.deadline_misses,
         "wakeup_us": percentiles(status.wakeup_p50_ns, status.wakeup_p99_ns, status.wakeup_max_ns),
         "tick_us": percentiles(status.tick_p50_ns, status.tick_p99_ns, status.tick_max_ns),
+    })
+}
+
+fn stalls(status: &Status) -> serde_json::Value {
+    json!({
+        "count": status.stalls,
+        "longest_s": status.stall_longest_ns as f64 * 1e-9,
+        "last_s": status.stall_last_ns as f64 * 1e-9,
+        "last_age_s": seconds(status.stall_age_ns),
     })
 }
 
@@ -151,6 +167,9 @@ fn as_text(cell: &Cell, status: &Status, faults_dir: &Path) -> String {
     let (health, findings) = health::of(status);
     text +=
         &format!("health      {}\n", [vec![health.name().into()], findings].concat().join("; "));
+    for note in health::notes(status, cell.name()) {
+        text += &format!("note        {note}\n");
+    }
     text += &format!(
         "active      policy {}{}, last good: {}; {} imported, {} rollbacks\n",
         status.active.describe(),
@@ -172,20 +191,7 @@ fn as_text(cell: &Cell, status: &Status, faults_dir: &Path) -> String {
         status.policies_refused,
         status.commands_refused,
     );
-    if status.spooled > 0 {
-        let full = if status.spool_full == 1 { "; it is full, learning pauses" } else { "" };
-        text += &format!("spool       {} episodes wait for their learner{full}\n", status.spooled);
-    }
-    if status.fault_records > 0 {
-        let n = status.fault_records;
-        text += &format!("faults      {n} flight records in {}\n", faults_dir.display());
-    }
-    if status.state_errors > 0 {
-        text += &format!(
-            "state       {} writes failed; see the controller's log\n",
-            status.state_errors
-        );
-    }
+    text += &trouble(status, faults_dir);
     text += &format!(
         "tick        p50 {:.1}  p99 {:.1}  max {:.1} µs\n",
         us(status.tick_p50_ns),
@@ -200,6 +206,31 @@ fn as_text(cell: &Cell, status: &Status, faults_dir: &Path) -> String {
             us(status.wakeup_max_ns),
             status.deadline_misses
         );
+    }
+    text
+}
+
+/// Lines about what went wrong, where something did.
+fn trouble(status: &Status, faults_dir: &Path) -> String {
+    let mut text = String::new();
+    if status.spooled > 0 {
+        let full = if status.spool_full == 1 { "; it is full, learning pauses" } else { "" };
+        text += &format!("spool       {} episodes wait for their learner{full}\n", status.spooled);
+    }
+    if status.fault_records > 0 {
+        let n = status.fault_records;
+        text += &format!("faults      {n} flight records in {}\n", faults_dir.display());
+    }
+    if status.state_errors > 0 {
+        text += &format!(
+            "state       {} writes failed; see the controller's log\n",
+            status.state_errors
+        );
+    }
+    if status.stalls > 0 {
+        let longest = status.stall_longest_ns as f64 * 1e-9;
+        text +=
+            &format!("stalls      {} since its start, the longest {longest:.1} s\n", status.stalls);
     }
     text
 }

@@ -9,6 +9,8 @@ use crate::Verdict;
 use crate::cli::StudyArgs;
 use crate::output::{print, print_json};
 use crate::setup;
+use crate::signals::{Who, stop_flag};
+use crate::stderr::say;
 use crate::study::{self, Outcome, Request, STUDIES, Table};
 
 pub fn run(args: &StudyArgs) -> Result<Verdict> {
@@ -19,7 +21,7 @@ pub fn run(args: &StudyArgs) -> Result<Verdict> {
     let Some(study) = STUDIES.iter().find(|study| study.name == *name) else {
         bail!("study '{name}' is not known: use one of\n{}", list());
     };
-    let stop = setup::stop_flag()?;
+    let stop = stop_flag(Who::Tool)?;
     if let Some(parent) = args.child {
         setup::end_with_parent(parent)?;
     }
@@ -38,7 +40,7 @@ pub fn run(args: &StudyArgs) -> Result<Verdict> {
         }
         Outcome::Figure { figure } => print(&format!("{}\n", figure.display()))?,
         Outcome::Stopped => {
-            eprintln!("stopped; the seeds that are done are kept, the same command goes on");
+            say("stopped; the seeds that are done are kept, the same command goes on");
             return Ok(Verdict::Negative);
         }
     }

@@ -9,16 +9,19 @@ use anyhow::{Result, bail};
 use crate::Verdict;
 use crate::cell::NamedCell;
 use crate::cli::record::WatchArgs;
-use crate::setup;
+use crate::output::is_closed;
+use crate::signals::{Who, stop_flag};
 use crate::watch::{self, Model, lines, serve, terminal};
 
 pub fn run(args: &WatchArgs) -> Result<Verdict> {
     let named = NamedCell::of(&args.cell)?;
     let (watcher, statuses) = watch::open(&named)?;
-    let (stop, start) = (setup::stop_flag()?, Instant::now());
+    let (stop, start) = (stop_flag(Who::Tool)?, Instant::now());
     let is_over = || {
         let elapsed = start.elapsed().as_secs_f64();
-        stop.load(Ordering::Relaxed) || args.duration_s.is_some_and(|limit| elapsed >= limit)
+        stop.load(Ordering::Relaxed)
+            || is_closed()
+            || args.duration_s.is_some_and(|limit| elapsed >= limit)
     };
     let model = Model::new(&named.cell);
     if let Some(address) = args.serve {

@@ -2,7 +2,6 @@
 
 use std::ffi::OsStr;
 use std::path::PathBuf;
-use std::process::Stdio;
 use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
@@ -70,7 +69,7 @@ impl SoakCell {
     pub fn observer(&self) -> Result<Service> {
         let arguments = ["watch", "--json", "--duration-s", "30", "--cell", self.cell.name()];
         let log = self.dir.join("watch.log");
-        Service::start("watcher", &arguments.map(OsStr::new), log, Stdio::null())
+        Service::start_apart("watcher", &arguments.map(OsStr::new), log, &[])
     }
 
     fn start(&self, verb: &'static str, seed: u64, more: &[&OsStr]) -> Result<Process> {
@@ -91,7 +90,7 @@ impl SoakCell {
                 [&arguments[..], &[config.as_os_str(), OsStr::new("--out"), folder.as_os_str()]]
                     .concat();
             let log = self.dir.join("learn.log");
-            let mut learn = Service::start("learn", &arguments, log, Stdio::null())?;
+            let mut learn = Service::start_apart("learn", &arguments, log, &[])?;
             let status = loop {
                 if let Some(status) = learn.exited()? {
                     break status;

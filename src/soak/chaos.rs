@@ -1,4 +1,4 @@
-//! What happens to one cell: a random script of kills, swaps and onlookers around its sessions.
+//! What happens to one cell: a random script of kills, swaps and observers around its sessions.
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -17,6 +17,7 @@ use super::footprint::{Footprint, Held};
 use super::ledger::Ledger;
 use super::process::Process;
 use crate::bench::service::Commander;
+use crate::stderr::say;
 
 /// Between two events, ms.
 const PAUSE_MS: std::ops::Range<u64> = 20..300;
@@ -245,7 +246,7 @@ impl<'a> Chaos<'a> {
         };
         let same = trials(&folder)? == trials(&self.cell.reference(seed)?)?;
         if !same {
-            eprintln!("{}: differs from an undisturbed run", folder.display());
+            say(&format!("{}: differs from an undisturbed run", folder.display()));
         }
         let ledger = Ledger::of(&folder, &self.cell.dir.join("controller.log"))?;
         let held = match self.kills_controller {

@@ -20,6 +20,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result};
 
 use crate::cli::PaceArg;
+use crate::stderr::say;
 use cell::SoakCell;
 use chaos::{Chaos, Tally};
 pub use summary::Summary;
@@ -95,9 +96,10 @@ fn watch(
         if Instant::now() >= next_line {
             next_line += PROGRESS;
             let (minutes, line) = (start.elapsed().as_secs_f64() / 60.0, snapshot(1).line());
-            eprintln!("{minutes:5.1} min  both: {}\n           learner: {line}", both.line());
+            let both = both.line();
+            say(&format!("{minutes:5.1} min  both: {both}\n           learner: {line}"));
         }
         std::thread::sleep(Duration::from_millis(50));
     }
-    eprintln!("ending: the sessions under way are finished undisturbed");
+    say("ending: the sessions under way are finished undisturbed");
 }

@@ -21,19 +21,18 @@ pub struct Summary {
 
 impl Summary {
     pub fn is_good(&self) -> bool {
-        let good = |tally: &Tally| {
-            let ledger = &tally.ledger;
-            let flat = tally.footprint.trend().is_none_or(|[first, last]| {
-                last.memory_mib <= (1.0 + FLAT) * first.memory_mib && last.files <= first.files
-            });
-            tally.different == 0
-                && ledger.lost + ledger.duplicated + ledger.foreign == 0
-                && ledger.produced == ledger.learnt
-                && flat
-        };
-        self.failures.is_empty()
-            && self.left_over.is_empty()
-            && self.cells.iter().all(|(_, tally)| good(tally))
+        self.reasons().is_empty()
+    }
+
+    /// Everything that makes it a failure, in words.
+    fn reasons(&self) -> Vec<String> {
+        let mut reasons = self.failures.clone();
+        reasons.extend(self.left_over.iter().map(|path| format!("left over: {path}")));
+        for (name, tally) in &self.cells {
+            let of_cell = faults(tally).into_iter();
+            reasons.extend(of_cell.map(|fault| format!("in the cell '{name}': {fault}")));
+        }
+        reasons
     }
 
     pub fn json(&self) -> serde_json::Value {
@@ -42,7 +41,7 @@ impl Summary {
             "good": self.is_good(),
             "minutes": self.wall.as_secs_f64() / 60.0,
             "cells": cells.collect::<serde_json::Map<_, _>>(),
-            "failures": self.failures,
+            "failures": self.reasons(),
             "left_over": self.left_over,
         })
     }
@@ -56,18 +55,45 @@ impl Summary {
             };
             text += &cell_text(tally);
         }
-        for failure in &self.failures {
-            text += &format!("\nFAILED: {failure}\n");
+        text += "\n";
+        for reason in self.reasons() {
+            text += &format!("FAILED: {reason}\n");
         }
-        for path in &self.left_over {
-            text += &format!("\nLEFT OVER: {path}\n");
+        if self.is_good() {
+            text += "good: nothing lost, nothing twice, every session as if undisturbed\n";
         }
-        text += match self.is_good() {
-            true => "\ngood: nothing lost, nothing twice, every session as if undisturbed\n",
-            false => "\nNOT GOOD\n",
-        };
         text
     }
+}
+
+/// What should not have happened in a cell.
+fn faults(tally: &Tally) -> Vec<String> {
+    let ledger = &tally.ledger;
+    let mut faults: Vec<String> = [
+        (tally.different, "sessions differ from an undisturbed run of the same seed"),
+        (ledger.lost, "episodes were durable and never learnt"),
+        (ledger.duplicated, "episodes were executed more than once"),
+        (ledger.foreign, "episodes were learnt from another start of the controller"),
+        (ledger.produced.abs_diff(ledger.learnt), "more episodes on one side than on the other"),
+    ]
+    .into_iter()
+    .filter(|(n, _)| *n > 0)
+    .map(|(n, what)| format!("{n} {what}"))
+    .collect();
+    if let Some([first, last]) = tally.footprint.trend() {
+        let growth = 100.0 * (last.memory_mib / first.memory_mib - 1.0);
+        if growth > 100.0 * FLAT {
+            let limit = 100.0 * FLAT;
+            faults.push(format!(
+                "the controller's memory grew by {growth:.1} % (limit {limit:.0} %)"
+            ));
+        }
+        if last.files > first.files {
+            let (first, last) = (first.files, last.files);
+            faults.push(format!("the controller's open files grew from {first} to {last}"));
+        }
+    }
+    faults
 }
 
 fn cell_text(tally: &Tally) -> String {

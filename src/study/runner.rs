@@ -11,6 +11,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use serde::{Deserialize, Serialize};
 
 use super::sample::Sample;
+use crate::bar::bar;
 
 /// One line of the file of results.
 #[derive(Serialize, Deserialize)]
@@ -129,7 +130,7 @@ fn mend(path: &Path) -> Result<()> {
 fn progress(study: &str, total: u64, done: u64) -> ProgressBar {
     let template = "{prefix} {bar:30} {pos}/{len} seeds, {eta} left";
     let style = ProgressStyle::with_template(template).expect("the template is valid");
-    let bar = ProgressBar::new(total).with_style(style).with_prefix(study.to_string());
+    let bar = bar(Some(total)).with_style(style).with_prefix(study.to_string());
     bar.set_position(done);
     bar
 }

@@ -43,6 +43,7 @@ fn line(model: &Model, watcher: &Watcher) -> serde_json::Value {
         "cell": model.cell,
         "controller": if model.is_there { "running" } else { "absent" },
         "health": model.status.map(|status| health::of(&status).0.name()),
+        "notes": model.status.map(|status| health::notes(&status, &model.cell)),
         "tick": model.last.record.tick,
         "phase": model.last.record.phase,
         "ticks_seen": watcher.ticks,

@@ -10,6 +10,7 @@ use crate::record;
 use crate::record::messages::{Mixture, Trial};
 use crate::record::scribe::Detail;
 use crate::record::watcher::{Seen, Watcher};
+use crate::stderr::say;
 
 /// 50 Hz, whatever the pace of the loop.
 const FRAME: Duration = Duration::from_millis(20);
@@ -37,7 +38,7 @@ pub fn run(
         .start_blocking()
         .with_context(|| format!("--serve {address}: cannot listen there; try another port"))?;
     let port = server.port();
-    eprintln!("serving ws://{}:{port}; Ctrl-C ends it", address.ip());
+    say(&format!("serving ws://{}:{port}; Ctrl-C ends it", address.ip()));
 
     let mut newest = None;
     let mut drawn = Instant::now() - BODIES;

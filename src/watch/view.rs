@@ -70,9 +70,10 @@ fn bottom_line(prompt: &Prompt) -> Line<'static> {
     }
 }
 
-/// Why the cell is not well.
+/// Why the cell is not well, and who waits for what.
 fn findings(model: &Model) -> Option<String> {
-    let (_, findings) = health::of(model.status.as_ref()?);
+    let status = model.status.as_ref()?;
+    let findings = [health::of(status).1, health::notes(status, &model.cell)].concat();
     (!findings.is_empty()).then(|| findings.join("; "))
 }
 

@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 
 use learner::store::{Store, TrialRecord};
 use shm_types::cell::Cell;
+use shm_types::policy::{PolicyMsg, packed_index};
 use tempfile::TempDir;
 
 /// How long anything may take before the test gives up on it.
@@ -201,4 +202,18 @@ pub fn bits(trials: &[TrialRecord]) -> Vec<Vec<u64>> {
 
 pub fn text(path: &Path) -> String {
     std::fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
+}
+
+/// Springs that rock the pan by `amplitude` m about its start.
+pub fn rocking(amplitude: f64) -> PolicyMsg {
+    let mut policy = PolicyMsg { n_components: 4, task_dim: 3, ..PolicyMsg::EMPTY };
+    policy.damping = 30.0;
+    (policy.orientation_stiffness, policy.orientation_damping) = (400.0, 40.0);
+    for (i, component) in policy.components[..4].iter_mut().enumerate() {
+        let sign = if i % 2 == 0 { 1.0 } else { -1.0 };
+        (component.center, component.width) = (0.3 * i as f64, 0.15);
+        component.attractor[..3].copy_from_slice(&[0.78, 0.0, 0.72 + sign * amplitude]);
+        (0..3).for_each(|row| component.stiffness[packed_index(row, row)] = 225.0);
+    }
+    policy.sealed()
 }

@@ -2,8 +2,8 @@
 
 use std::time::{Duration, Instant};
 
-use sd_notify::NotifyState;
 use shm_types::SCHEMA;
+use shm_types::service_manager::{Notice, notify};
 use shm_types::telemetry::Heartbeat;
 
 use super::{Event, HOUSEKEEPING, Link, SessionError};
@@ -31,8 +31,7 @@ impl Link {
         if now >= self.next_housekeeping {
             self.next_housekeeping = now + HOUSEKEEPING;
             self.ports.clean_up();
-            // A service manager that does not listen will notice by itself.
-            let _ = sd_notify::notify(false, &[NotifyState::Watchdog]);
+            notify(&[Notice::Watchdog]);
         }
         let before = (self.is_pinned, self.latched);
         restarted |= self.hear(now);
@@ -63,6 +62,7 @@ impl Link {
             pinned: 0,
             latched: 0,
             leaving: u64::from(is_leaving),
+            waits: self.waits,
         };
         // Nobody listening is what the controller's own silence will tell.
         let _ = self.ports.beat.send_copy(beat);

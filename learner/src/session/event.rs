@@ -11,7 +11,7 @@ use crate::error::LearnerError;
 use crate::modes::ModeReport;
 use crate::summary::TrialReport;
 
-/// What an onlooker may want to know.
+/// What an observer may want to know.
 #[derive(Debug)]
 pub enum Event<'a> {
     /// A rollout that was learnt from, as it was executed, before its trial is told.
@@ -33,6 +33,11 @@ pub enum Event<'a> {
     Held(u64),
     /// The rollout gave no usable episode: stored and counted, not learnt.
     SetAside {
+        rollout: u64,
+        reason: String,
+    },
+    /// The controller refused the policy: a trial without reward.
+    Refused {
         rollout: u64,
         reason: String,
     },
@@ -83,6 +88,17 @@ pub enum SessionError {
          is saved, mend the controller and resume"
     )]
     Unusable { rollouts: u32, last: u64, reason: String },
+    #[error(
+        "the controller refused the policy of rollout {rollout}, which is the demonstration itself: \
+         {reason}; change the demonstration, or the setting that the reason names"
+    )]
+    StartRefused { rollout: u64, reason: String },
+    #[error(
+        "the controller refused the policies of {rollouts} rollouts in a row, up to {last}; the last \
+         one: {reason}; everything is saved; change the setting that the reason names and resume, or \
+         explore less in a new session"
+    )]
+    AllRefused { rollouts: u64, last: u64, reason: String },
     #[error(
         "policy of rollout {rollout} cannot be published ({reason}); restart learner and controller"
     )]

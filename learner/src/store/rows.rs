@@ -2,7 +2,7 @@
 
 use nalgebra::DVector;
 use rusqlite::{Row, Transaction, named_params, params};
-use shm_types::episode::{OUTCOME_SUCCESS, OutcomeMsg};
+use shm_types::episode::{FAULT_POLICY_REFUSED, OUTCOME_SUCCESS, OutcomeMsg};
 use shm_types::policy::PolicyMsg;
 
 use crate::path::{self, PathRow};
@@ -50,6 +50,11 @@ pub struct TrialRecord {
 impl TrialRecord {
     pub fn success(&self) -> bool {
         self.outcome.has(OUTCOME_SUCCESS)
+    }
+
+    /// There was a rollout, whatever came of it.
+    pub fn was_executed(&self) -> bool {
+        !self.set_aside && self.fault != FAULT_POLICY_REFUSED
     }
 
     /// Everything that must not depend on pace, interruption or time of day, as bits: rollout, flags,

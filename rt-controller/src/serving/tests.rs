@@ -106,6 +106,7 @@ fn rollback_walks_the_activations_back_and_ends_at_the_last_good() {
         serving.applied(&applied(seq, expected, true)).unwrap();
     }
     assert_eq!(serving.rollback(AT_NOW), Err(SwapRefused::NoWayBack), "the good one is active");
+    assert_eq!(serving.rollbacks, 3);
 }
 
 #[test]

@@ -13,6 +13,7 @@ use shm_types::ports::ObserverPorts;
 use super::service::BenchCell;
 use super::{Bench, Plan, Row};
 use crate::config::Config;
+use crate::stderr::say;
 use load::Load;
 use reference::{bare_loop, cyclictest};
 
@@ -176,7 +177,7 @@ fn observe(bench: &BenchCell, slice: Duration, wakeup: &mut Row, tick: &mut Row)
     }
     wakeup.misses = Some(wakeup.misses.unwrap_or(0) + missed - missed_before.unwrap_or(missed));
     if lost > 0 {
-        eprintln!("skillet: {lost} ticks were not seen by the bench; they are in no row");
+        say(&format!("skillet: {lost} ticks were not seen by the bench; they are in no row"));
     }
     Ok(())
 }

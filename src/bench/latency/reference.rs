@@ -9,6 +9,7 @@ use rt_controller::ControllerConfig;
 use rt_controller::rt::{self, Clock};
 
 use crate::bench::Row;
+use crate::stderr::say;
 
 /// cyclictest counts what is longer as longer, µs.
 const CYCLICTEST_MAX_US: u64 = 20_000;
@@ -41,9 +42,7 @@ pub fn cyclictest(config: &ControllerConfig, slice: Duration, row: &mut Row) -> 
     let output = match output {
         Ok(output) => output,
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
-            eprintln!(
-                "skillet: cyclictest is not installed (package rt-tests); its row is left out"
-            );
+            say("skillet: cyclictest is not installed (package rt-tests); its row is left out");
             return Ok(());
         }
         Err(error) => return Err(error).context("starting cyclictest"),

@@ -13,6 +13,7 @@ use shm_types::policy::PolicyMsg;
 
 use super::{Bench, Case, Plan, Row, interleave};
 use crate::cli::bench::Link;
+use crate::signals::end_after;
 use link::Wait;
 use peer::Peer;
 
@@ -42,6 +43,8 @@ fn run(plan: &Plan) -> Result<Vec<Row>> {
     Cell::remove_idle(&runtime_dir(), CELL_PREFIX);
     let cell = Cell::new(&format!("{CELL_PREFIX}{}", std::process::id()))?;
     let lock = cell.lock(Role::Controller)?;
+    let shared = cell.clone();
+    end_after(move || shared.tear_down())?;
     let result = std::thread::scope(|scope| {
         // A thread of its own: its core is nobody else's business.
         let thread = scope.spawn(|| {

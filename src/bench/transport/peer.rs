@@ -14,6 +14,7 @@ use super::link::{End, Shared, Stream, Wait};
 use super::pin;
 use crate::cli::bench::{EchoArgs, Link};
 use crate::setup::end_with_parent;
+use crate::signals::end_after;
 
 const GRACE: Duration = Duration::from_secs(5);
 
@@ -94,12 +95,16 @@ impl Drop for Process {
 
 /// What the other process does until its peer closes.
 pub fn echo(args: &EchoArgs) -> Result<()> {
+    let cell = Cell::new(&args.cell)?;
+    let shared = cell.clone();
+    // The last of the two to end leaves nothing.
+    end_after(move || shared.tear_down())?;
     end_with_parent(args.child)?;
     pin(args.core)?;
     let wait = if args.spin { Wait::Spin } else { Wait::Sleep };
     let mut end: Box<dyn End> = match args.link {
         Link::Iceoryx2 => {
-            let ports = EchoPorts::open(&Cell::new(&args.cell)?, args.len)?;
+            let ports = EchoPorts::open(&cell, args.len)?;
             Box::new(Shared { ports, wait })
         }
         Link::Socket => {
