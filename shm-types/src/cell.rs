@@ -8,19 +8,25 @@
 //! ```
 
 use std::fs::{self, File, OpenOptions};
+use std::io::ErrorKind;
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use rustix::fs::{FlockOperation, flock};
 use thiserror::Error;
 
 use crate::Digest;
+use crate::advice;
 use crate::generation::{remove_shared_memory, shared_memory, sweep};
 
 /// A socket path ends at 107 bytes, and iceoryx2 puts `/g9999/sk01234567g9999_<31 digits>.event` below
 /// a cell's directory.
 const MAX_DIR_LEN: usize = 47;
 const MAX_NAME_LEN: usize = 24;
+/// A lock that is held for longer than so many looks is that of another process in this role.
+const LOOKS: usize = 20;
+const LOOK: Duration = Duration::from_millis(5);
 
 /// Who holds a lock of the cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,7 +59,7 @@ pub enum CellError {
     Foreign { path: PathBuf, uid: u32 },
     #[error("cell '{cell}' has a {role} already: stop it, or choose another cell with --cell")]
     Busy { cell: String, role: &'static str },
-    #[error("{path}: {source}: check its permissions and free space, or set SKILLET_RUNTIME_DIR")]
+    #[error("{path}: {source}: {}", advice::on_io(source))]
     Io { path: PathBuf, source: std::io::Error },
 }
 
@@ -111,8 +117,27 @@ impl Cell {
         // Whoever removes an idle cell takes both roles for an instant: one at a time.
         let _starting = self.starting()?;
         create_own_dir(&self.dir)?;
-        let file = Some(self.try_lock(role)?);
-        Ok(CellLock { file, cell: self.clone() })
+        // Somebody may just look whether there is one, see `has`.
+        let mut attempt = self.try_lock(role);
+        for _ in 0..LOOKS {
+            if !matches!(attempt, Err(CellError::Busy { .. })) {
+                break;
+            }
+            std::thread::sleep(LOOK);
+            attempt = self.try_lock(role);
+        }
+        Ok(CellLock { file: Some(attempt?), cell: self.clone() })
+    }
+
+    /// A living process plays `role`, though it may stand still. The kernel frees the lock of one that
+    /// ends, however it ends.
+    pub fn has(&self, role: Role) -> bool {
+        match File::open(self.lock_path(role)) {
+            // Shared: those who look do not see each other.
+            Ok(file) => flock(&file, FlockOperation::NonBlockingLockShared).is_err(),
+            // Whoever joins it then is told why it cannot be looked at.
+            Err(error) => error.kind() != ErrorKind::NotFound,
+        }
     }
 
     /// Removes what dead processes left of the cells whose name begins with `prefix`.
@@ -152,7 +177,7 @@ impl Cell {
                 Ok(there) if there.uid() != uid() => {
                     return Err(CellError::Foreign { path: dir.to_path_buf(), uid: there.uid() });
                 }
-                Err(source) if source.kind() == std::io::ErrorKind::PermissionDenied => {
+                Err(source) if source.kind() == ErrorKind::PermissionDenied => {
                     return Err(CellError::Io { path: dir.to_path_buf(), source });
                 }
                 _ => {}
@@ -188,8 +213,12 @@ impl Cell {
         dir.map_err(|source| CellError::Io { path: path.into(), source })
     }
 
+    fn lock_path(&self, role: Role) -> PathBuf {
+        self.dir.join(format!("{}.lock", role.name()))
+    }
+
     fn try_lock(&self, role: Role) -> Result<File, CellError> {
-        let file = open_lock(&self.dir.join(format!("{}.lock", role.name())))?;
+        let file = open_lock(&self.lock_path(role))?;
         flock(&file, FlockOperation::NonBlockingLockExclusive)
             .map_err(|_| CellError::Busy { cell: self.name.clone(), role: role.name() })?;
         Ok(file)
@@ -279,12 +308,36 @@ mod tests {
     }
 
     #[test]
+    fn those_who_look_refuse_nobody() {
+        let cell = Cell::new(&format!("look-{}", std::process::id())).unwrap();
+        drop(cell.lock(Role::Learner).unwrap());
+        let is_over = std::sync::atomic::AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            for _ in 0..2 {
+                scope.spawn(|| {
+                    while !is_over.load(std::sync::atomic::Ordering::Relaxed) {
+                        cell.has(Role::Controller);
+                        std::thread::yield_now();
+                    }
+                });
+            }
+            let locked = (0..200).try_for_each(|_| cell.lock(Role::Controller).map(drop));
+            is_over.store(true, std::sync::atomic::Ordering::Relaxed);
+            locked.unwrap();
+        });
+        cell.remove_if_idle();
+    }
+
+    #[test]
     fn second_controller_is_refused_until_the_first_ends() {
         let cell = Cell::new(&format!("lock-{}", std::process::id())).unwrap();
+        assert!(!cell.has(Role::Controller), "no folder yet");
         let first = cell.lock(Role::Controller).unwrap();
+        assert!(cell.has(Role::Controller) && !cell.has(Role::Learner));
         assert!(matches!(cell.lock(Role::Controller), Err(CellError::Busy { .. })));
         let learner = cell.lock(Role::Learner).unwrap();
         drop(first);
+        assert!(!cell.has(Role::Controller) && cell.has(Role::Learner));
         drop(cell.lock(Role::Controller).unwrap());
         drop(learner);
         cell.remove_if_idle();

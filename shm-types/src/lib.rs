@@ -8,6 +8,7 @@ mod schema;
 #[macro_use]
 mod message;
 
+mod advice;
 pub mod cell;
 pub mod channel;
 pub mod command;
@@ -21,6 +22,7 @@ pub mod policy;
 pub mod policy_json;
 pub mod ports;
 pub mod telemetry;
+mod transport_log;
 
 pub use schema::{Digest, SCHEMA};
 

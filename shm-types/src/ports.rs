@@ -11,7 +11,8 @@ use iceoryx2::port::{
 use iceoryx2::prelude::*;
 
 use crate::SCHEMA;
-use crate::cell::Cell;
+use crate::advice;
+use crate::cell::{Cell, Role};
 use crate::channel::*;
 use crate::command::{COMMAND_STATUS, Command, Reply, Status};
 use crate::episode::{Ack, EpisodeHeader, MAX_RECORDS, TickRecord};
@@ -252,6 +253,26 @@ impl ToolPorts {
         None
     }
 
+    /// Why nobody answered for so long: the controller has died or stands still, or it is this process
+    /// that cannot reach it.
+    pub fn silence(&self, waited: Duration) -> ChannelError {
+        let (cell, seconds) = (self.cell.name().to_string(), waited.as_secs_f64());
+        if !self.cell.has(Role::Controller) {
+            return ChannelError::NoController { cell, seconds };
+        }
+        let action = "reaching the controller";
+        if let Err(error) = self.commands.send_copy(Command::new(COMMAND_STATUS, 0)) {
+            return failed(COMMAND, action)(error);
+        }
+        match advice::on_no_connection() {
+            Some(advice) => {
+                let reason = "no connection".into();
+                ChannelError::Service { service: COMMAND, action, reason, advice }
+            }
+            None => ChannelError::NoAnswer { cell, seconds },
+        }
+    }
+
     pub fn status(&self, timeout: Duration) -> Option<Status> {
         let id = u64::from(std::process::id());
         self.request(&Command::new(COMMAND_STATUS, id), timeout).map(|reply| reply.status)
@@ -303,5 +324,5 @@ fn is_transient(error: &ChannelError) -> bool {
 
 /// As many as a service takes are in it already.
 fn has_no_place(error: &ChannelError) -> bool {
-    matches!(error, ChannelError::Service { reason, .. } if reason.contains("ExceedsMaxSupported"))
+    matches!(error, ChannelError::Service { reason, .. } if reason.contains("ExceedsMax"))
 }
