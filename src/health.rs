@@ -1,11 +1,14 @@
 //! Is the cell well? One word for a monitor, and the reasons for a person.
 
+use std::time::Duration;
+
 use rt_controller::fault::Fault;
 use serde::Serialize;
 use shm_types::command::Status;
 
-/// A learner that beats ten times a second and was not heard for so long is silent, ns.
-const SILENT_NS: u64 = 2_000_000_000;
+/// Controller and learner beat ten times a second; who was not heard for so long is silent. It is said
+/// within 2 s, by observers that look twice a second, too.
+pub const SILENT: Duration = Duration::from_millis(1500);
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
@@ -65,7 +68,7 @@ fn findings(status: &Status) -> Vec<(Health, String)> {
 /// A learner that was there and is silent, and what the controller does without it.
 fn silence(status: &Status) -> Option<String> {
     let age_ns = status.learner_age_ns;
-    if age_ns == u64::MAX || age_ns < SILENT_NS {
+    if age_ns == u64::MAX || Duration::from_nanos(age_ns) < SILENT {
         return None;
     }
     let served = if status.active.is_none() { status.last_good } else { status.active };
@@ -83,7 +86,7 @@ mod tests {
     #[test]
     fn the_worst_finding_decides_and_all_are_named() {
         assert_eq!(of(&Status::ZERO), (Health::Ok, Vec::new()), "no learner yet is no defect");
-        let silent = Status { learner_age_ns: 3 * SILENT_NS, state_errors: 2, ..Status::ZERO };
+        let silent = Status { learner_age_ns: 6_000_000_000, state_errors: 2, ..Status::ZERO };
         let (health, why) = of(&silent);
         assert_eq!((health, why.len()), (Health::Degraded, 2));
         assert!(why[1].contains("silent for 6 s") && why[1].contains("held"), "{why:?}");
