@@ -65,8 +65,7 @@ impl Stage {
         fs::copy(root.join("demos/pancake.csv"), bench.path("my_demo.csv")).unwrap();
         fs::copy(root.join("robots/wam7/wam7_pan.urdf"), bench.path("my_arm.urdf")).unwrap();
         bench.write("my.toml", "[task]\ndemonstration = \"my_demo.csv\"\n");
-        let (controllers, learners) = (Vec::new(), Vec::new());
-        let stage = Stage { bench, controllers, learners, fresh: BTreeSet::new() };
+        let stage = Stage { bench, controllers: vec![], learners: vec![], fresh: BTreeSet::new() };
         ["s7", "sessions/pancake-1"].iter().for_each(|name| stage.learnt(learnt, name));
         stage
     }
@@ -230,17 +229,8 @@ fn is_mention(arguments: &[&str]) -> bool {
 #[test]
 fn documents_say_what_works() {
     let bench = Bench::new();
-    bench.ok(&[
-        "learn",
-        "pancake",
-        "--seed",
-        "7",
-        "--rollouts",
-        "25",
-        "--out",
-        "learnt",
-        "--record",
-    ]);
+    let learn = ["learn", "pancake", "--seed", "7", "--rollouts", "25", "--out", "learnt"];
+    bench.ok(&[&learn[..], &["--record"]].concat());
     let learnt = bench.path("learnt");
     let mut run = 0;
     for document in documents(Path::new(env!("CARGO_MANIFEST_DIR"))) {

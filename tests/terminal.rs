@@ -110,5 +110,5 @@ fn whoever_wants_no_color_gets_none() {
     let watch: Vec<&str> = COMMANDS[0].split(' ').collect();
     let shown = on_terminal(&bench, &watch, color);
     assert!(shown.contains("\x1b[?1049h"), "a screen of its own: {shown:?}");
-    assert!(shown.contains("\x1b[38;5;") && shown.contains("running"), "{shown:?}");
+    assert!(shown.contains("\x1b[38;5;"), "{shown:?}");
 }

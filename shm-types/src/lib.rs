@@ -22,6 +22,7 @@ pub mod policy;
 pub mod policy_json;
 pub mod ports;
 pub mod telemetry;
+mod tool;
 mod transport_log;
 
 pub use schema::{Digest, SCHEMA};

@@ -123,9 +123,11 @@ fn known(model: &Model, lost: u64, status: &Status) -> Vec<Line<'static>> {
         None => String::new(),
     };
     let learner = format!("{}{heard}", model.vitals.learner().name());
+    let now = model.last.record.tick;
     let ticked = match model.vitals.tick_age() {
-        Some(age) if age >= SILENT => format!(" ({:.1} s ago)", age.as_secs_f64()),
-        _ => String::new(),
+        Some(age) if age >= SILENT => format!("tick {now} ({:.1} s ago)", age.as_secs_f64()),
+        Some(_) => format!("tick {now}"),
+        None => "no tick yet".into(),
     };
     let fault = match status.latched_fault {
         0 => Span::from("none"),
@@ -134,7 +136,7 @@ fn known(model: &Model, lost: u64, status: &Status) -> Vec<Line<'static>> {
     let mut lines = vec![
         Line::from(vec![
             health.name().fg(color).bold(),
-            format!("  {pace}  tick {}{ticked}  {phase}", model.last.record.tick).into(),
+            format!("  {pace}  {ticked}  {phase}").into(),
         ]),
         times_line(
             "wake-up",
