@@ -1,18 +1,18 @@
 //! Progress bars on standard error, where that is a terminal. Nobody waits for them.
 
-use std::io::{self, IsTerminal};
+use std::io;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, TermLike};
 
-use crate::stderr;
+use crate::{stderr, tty};
 
 /// Where the terminal does not say how wide it is.
 const WIDTH: u16 = 80;
 
 /// Of `len` steps; a spinner without.
 pub fn bar(len: Option<u64>) -> ProgressBar {
-    let target = match io::stderr().is_terminal() {
+    let target = match tty::can_draw(&io::stderr()) {
         true => ProgressDrawTarget::term_like(Box::new(Terminal::default())),
         false => ProgressDrawTarget::hidden(),
     };

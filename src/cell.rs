@@ -43,9 +43,12 @@ impl NamedCell {
         let sent_ns = now_ns();
         let name = self.cell.name();
         let Some(reply) = ports.request(command, timeout) else {
+            if ports.status(OPEN).is_none() {
+                return Err(ports.silence(timeout).into());
+            }
             bail!(
-                "no answer from the controller of cell '{name}' within {timeout:.0?}: it may be dead, \
-                 or the swap still waits for its turn; see `skillet status --cell {name}`"
+                "the controller of cell '{name}' has not carried it out within {timeout:.0?}: it still \
+                 waits for its turn; see `skillet status --cell {name}`"
             );
         };
         if reply.accepted != 1 {

@@ -20,12 +20,10 @@ pub use policy::{AtArg, CellArgs, FormatArg, PolicyArgs, PolicyVerb};
 
 /// Learns compliant robot skills on a hard real-time loop.
 ///
-/// Exit code: 0 done, 1 a negative verdict (interrupted, no controller), 2 an error.
-///
 /// Cells live in $SKILLET_RUNTIME_DIR, else $XDG_RUNTIME_DIR/skillet, else /tmp/skillet-<uid>.
 #[derive(Parser)]
 #[command(version, propagate_version = true, max_term_width = 100)]
-#[command(after_help = "Example: skillet learn pancake --rollouts 100 --seed 3")]
+#[command(after_help = crate::exit::help())]
 pub struct Cli {
     #[command(subcommand)]
     pub verb: Verb,

@@ -1,12 +1,15 @@
 //! Is the cell well? One word for a monitor, and the reasons for a person.
 
+use std::time::Duration;
+
 use rt_controller::fault::Fault;
 use serde::Serialize;
 use shm_types::command::Status;
 use shm_types::telemetry::WAITS_DISK;
 
-/// A learner that beats ten times a second and was not heard for so long is silent, ns.
-const SILENT_NS: u64 = 2_000_000_000;
+/// Controller and learner beat ten times a second; who was not heard for so long is silent. It is said
+/// within 2 s, by observers that look twice a second, too.
+pub const SILENT: Duration = Duration::from_millis(1500);
 /// A learner that joins or leaves the cell is not heard for a moment, ns.
 const MUTE_NS: u64 = 3_000_000_000;
 /// A loop in real time ticks all the time, ns.
@@ -85,7 +88,7 @@ fn findings(status: &Status) -> Vec<(Health, String)> {
 /// A learner that was there and is silent, and what the controller does without it.
 fn silence(status: &Status) -> Option<String> {
     let age_ns = status.learner_age_ns;
-    if age_ns == u64::MAX || age_ns < SILENT_NS {
+    if age_ns == u64::MAX || Duration::from_nanos(age_ns) < SILENT {
         return None;
     }
     let served = if status.active.is_none() { status.last_good } else { status.active };
@@ -106,7 +109,7 @@ fn mute(status: &Status) -> Option<String> {
 }
 
 fn has_learner(status: &Status) -> bool {
-    status.learner_age_ns < SILENT_NS
+    Duration::from_nanos(status.learner_age_ns) < SILENT
 }
 
 /// What is as somebody wanted it, and worth a line: who waits for what, and since when.
@@ -136,7 +139,7 @@ mod tests {
     #[test]
     fn the_worst_finding_decides_and_all_are_named() {
         assert_eq!(of(&Status::ZERO), (Health::Ok, Vec::new()), "no learner yet is no defect");
-        let silent = Status { learner_age_ns: 3 * SILENT_NS, state_errors: 2, ..Status::ZERO };
+        let silent = Status { learner_age_ns: 6_000_000_000, state_errors: 2, ..Status::ZERO };
         let (health, why) = of(&silent);
         assert_eq!((health, why.len()), (Health::Degraded, 2));
         assert!(why[1].contains("silent for 6 s") && why[1].contains("held"), "{why:?}");

@@ -1,11 +1,9 @@
 //! Structured logs on standard error, which nobody waits for.
 
-use std::io::IsTerminal;
-
 use tracing_subscriber::EnvFilter;
 
 use crate::config::LogConfig;
-use crate::stderr;
+use crate::{stderr, tty};
 
 /// Sets the level of a log that has been started; the error says why it cannot.
 pub type SetLevel = Box<dyn Fn(&str) -> Result<(), String> + Send>;
@@ -18,7 +16,7 @@ pub fn start(config: &LogConfig) -> SetLevel {
         EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(&config.level));
     let builder = tracing_subscriber::fmt()
         .with_writer(stderr::sink)
-        .with_ansi(std::io::stderr().is_terminal());
+        .with_ansi(tty::has_color(&std::io::stderr()));
     // A second start in one process keeps the first; nothing else can fail here.
     match config.format.as_str() {
         "json" => {

@@ -12,6 +12,7 @@ mod commands;
 mod config;
 mod demo;
 mod doctor;
+mod exit;
 mod health;
 mod host;
 mod log;
@@ -30,6 +31,7 @@ mod soak;
 mod stderr;
 mod study;
 mod summary;
+mod tty;
 mod watch;
 
 use std::process::ExitCode;
@@ -37,18 +39,16 @@ use std::process::ExitCode;
 use clap::Parser;
 use cli::{Cli, Verb};
 
-/// How a command ended: 0 done, 1 a negative verdict, 2 an error.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Verdict {
-    Done,
-    Negative,
-}
+pub use exit::Verdict;
 
 fn main() -> ExitCode {
     // Whatever is written, sessions and reports included, is this user's alone.
     rustix::process::umask(rustix::fs::Mode::RWXG | rustix::fs::Mode::RWXO);
     stderr::take_panics();
-    let cli = Cli::parse();
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) => return exit::usage(&error),
+    };
     let result = match &cli.verb {
         Verb::Learn(args) => commands::learn::run(args),
         Verb::Controller(args) => commands::controller::run(args),
@@ -71,13 +71,10 @@ fn main() -> ExitCode {
         Verb::Completions(args) => commands::shell::completions(args),
         Verb::Man(args) => commands::shell::man(args),
     };
+    let is_service = matches!(cli.verb, Verb::Controller(_) | Verb::Learner(_));
     let code = match result {
-        Ok(Verdict::Done) => ExitCode::SUCCESS,
-        Ok(Verdict::Negative) => ExitCode::from(1),
-        Err(error) => {
-            stderr::say(&format!("skillet: {error:#}"));
-            ExitCode::from(2)
-        }
+        Ok(verdict) => verdict.into(),
+        Err(error) => exit::tell(&error, is_service),
     };
     stderr::finish();
     code

@@ -126,6 +126,9 @@ fn registry(status: &Status, learning: &Learning, cell: &str) -> Registry {
     for (name, help, ns) in durations(status) {
         registry.register_with_unit(name, help, Unit::Seconds, ConstGauge::new(ns as f64 * 1e-9));
     }
+    for (name, help, age) in learning.ages() {
+        registry.register_with_unit(name, help, Unit::Seconds, ConstGauge::new(age.as_secs_f64()));
+    }
     registry
 }
 

@@ -1,7 +1,6 @@
 //! Progress of a session: a bar on a terminal, a line now and then elsewhere.
 
 use std::cell::Cell;
-use std::io::IsTerminal;
 
 use indicatif::{ProgressBar, ProgressStyle};
 use learner::summary::{Summary, TrialReport};
@@ -9,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::bar::bar;
 use crate::stderr::say;
+use crate::tty;
 
 /// What the learner process says after each trial, one JSON object a line.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -70,7 +70,7 @@ impl Progress {
             // Nothing else is heard until a long session is where it was.
             _ => format!("taking up {done} stored rollouts"),
         };
-        let bar = std::io::stderr().is_terminal().then(|| {
+        let bar = tty::can_draw(&std::io::stderr()).then(|| {
             let style = ProgressStyle::with_template(
                 "{bar:30.cyan/blue} {pos}/{len}  {msg}  {elapsed_precise}",
             );

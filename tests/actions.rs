@@ -62,8 +62,30 @@ fn a_forbidden_mode_gives_way_and_comes_back() {
     bench.refused(&["policy", "export", "s", "--mode", &first.to_string()], &["is forbidden"]);
     bench.refused(&["policy", "forbid", "s", "99"], &["mode 99", "modes 1 to"]);
 
-    bench.ok(&["policy", "forbid", "s", "none"]);
+    // Every other one, too, but for the last.
+    let others = found.iter().map(|mode| mode["mode"].as_u64().unwrap()).filter(|n| *n != first);
+    let others: Vec<String> = others.map(|number| number.to_string()).collect();
+    let (last, rest) = others.split_last().unwrap();
+    rest.iter().for_each(|mode| drop(bench.ok(&["policy", "forbid", "s", mode])));
+    bench.refused(&["policy", "forbid", "s", last], &["last mode", "nothing changed", "allow s"]);
+    bench.ok(&["policy", "export", "s", "--prefer", "tolerant"]);
+
+    let allowed = bench.ok(&["policy", "allow", "s", &first.to_string(), "--json"]);
+    let allowed: Value = serde_json::from_str(&allowed).unwrap();
+    assert_eq!(allowed["mode"], first);
+    assert_eq!(allowed["forbidden"].as_array().unwrap().len(), rest.len());
     assert_eq!(bench.ok(&["policy", "export", "s"]), exported);
+}
+
+#[test]
+fn the_only_mode_of_a_session_cannot_be_forbidden() {
+    let bench = Bench::new();
+    bench.ok(&["learn", "pancake", "--rollouts", "3", "--out", "s"]);
+    let before = bench.ok(&["policy", "export", "s"]);
+    bench.refused(&["policy", "forbid", "s", "1"], &["mode 1", "only mode", "nothing changed"]);
+    assert_eq!(bench.ok(&["policy", "export", "s"]), before);
+    // Undoing has one name.
+    bench.refused(&["policy", "forbid", "s", "none"], &["mode 'none'", "number"]);
 }
 
 #[test]

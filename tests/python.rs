@@ -55,7 +55,7 @@ fn a_subscriber_in_python_sees_the_loop() {
     let bench = Bench::new();
     let _controller = bench.start(&["controller", "--cell", "c1", "--pace", "realtime"]);
     eventually("a controller", || {
-        (bench.run(&["status", "--cell", "c1"]).status.code() != Some(1)).then_some(())
+        (bench.run(&["status", "--cell", "c1"]).status.success()).then_some(())
     });
     let output = Command::new(&python)
         .arg(script("examples/live.py"))

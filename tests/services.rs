@@ -44,7 +44,7 @@ fn session_survives_the_death_of_each_service() {
 fn status_tells_what_a_controller_does_and_that_there_is_none() {
     let bench = Bench::new();
     let absent = bench.run(&["status", "--cell", "c1"]);
-    assert_eq!(absent.status.code(), Some(1));
+    assert_eq!(absent.status.code(), Some(3));
     assert!(String::from_utf8_lossy(&absent.stdout).contains("skillet controller --cell c1"));
 
     let controller = bench.start(&CONTROLLER);

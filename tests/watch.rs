@@ -47,7 +47,6 @@ fn what_is_no_terminal_and_no_loopback_is_refused() {
     bench.refused(&["watch", "--cell", "c1"], &["no terminal", "--json"]);
     let public = ["watch", "--cell", "c1", "--serve", "0.0.0.0:8765"];
     bench.refused(&public, &["0.0.0.0:8765", "loopback", "tunnel"]);
-    bench.refused(&["watch", "--cell", "nobody"], &["no controller in the cell 'nobody'"]);
 }
 
 /// Topics by number, once the server has told them.

@@ -71,12 +71,17 @@ pub fn assess(modes: &[Mode], trials: &[Trial], forbidden: &[DVector<f64>]) -> V
             n_trials: own.len(),
             best: best.map(|trial| (trial.rollout, trial.reward)),
             tolerance: expected_reward(centre, trials, &points, &density),
-            forbidden: forbidden
-                .iter()
-                .any(|place| (whitening.apply(place) - centre).norm() < FORBIDDEN_WITHIN),
+            forbidden: forbidden.iter().any(|place| whitening.covers(place, centre)),
         });
     }
     reports
+}
+
+/// Indices of those among `modes` that a forbidden `place` forbids.
+pub fn forbidden_by(place: &DVector<f64>, modes: &[Mode]) -> Vec<usize> {
+    let whitening = Whitening::of(modes);
+    let is_covered = |i: &usize| whitening.covers(place, &whitening.apply(&modes[*i].mean));
+    (0..modes.len()).filter(is_covered).collect()
 }
 
 /// The mode to use: the preferred one of those that are allowed; `None` when none is.
@@ -115,6 +120,11 @@ impl Whitening {
 
     fn apply(&self, theta: &DVector<f64>) -> DVector<f64> {
         &self.0 * theta
+    }
+
+    /// A forbidden `place` forbids a mode with this `centre`.
+    fn covers(&self, place: &DVector<f64>, centre: &DVector<f64>) -> bool {
+        (self.apply(place) - centre).norm() < FORBIDDEN_WITHIN
     }
 }
 
@@ -226,6 +236,8 @@ mod tests {
         let reports = assess(&modes, &trials, &[place]);
         assert_eq!(reports.iter().map(|r| r.forbidden).collect::<Vec<_>>(), [false, true]);
         assert_eq!(choose(&reports, Prefer::Best).unwrap().number, 1);
+        let near = DVector::from_vec(vec![10.1, 0.0]);
+        assert_eq!(forbidden_by(&near, &modes), [0], "what `assess` says, for one place");
         let all = [DVector::from_vec(vec![0.0, 0.0]), DVector::from_vec(vec![10.0, 0.0])];
         assert_eq!(choose(&assess(&modes, &trials, &all), Prefer::Best), None);
     }

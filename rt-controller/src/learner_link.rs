@@ -86,12 +86,9 @@ impl LearnerLink {
     /// Looks after a learner that holds its place in the cell and says nothing: it starts, ends, or is
     /// stuck.
     pub fn look(&mut self, ports: &ControllerPorts) {
-        match ports.has_learner() {
-            Some(true) if self.age().is_none() => {
-                self.mute.get_or_insert_with(Instant::now);
-            }
-            Some(_) => self.mute = None,
-            None => {}
+        match ports.has_learner() && self.age().is_none() {
+            true => drop(self.mute.get_or_insert_with(Instant::now)),
+            false => self.mute = None,
         }
     }
 

@@ -8,19 +8,25 @@
 //! ```
 
 use std::fs::{self, File, OpenOptions};
+use std::io::ErrorKind;
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use rustix::fs::{FlockOperation, flock};
 use thiserror::Error;
 
 use crate::Digest;
+use crate::advice;
 use crate::generation::{remove_shared_memory, shared_memory, sweep};
 
 /// A socket path ends at 107 bytes, and iceoryx2 puts `/g9999/sk01234567g9999_<31 digits>.event` below
 /// a cell's directory.
 const MAX_DIR_LEN: usize = 47;
 const MAX_NAME_LEN: usize = 24;
+/// A lock that is held for longer than so many looks is that of another process in this role.
+const LOOKS: usize = 20;
+const LOOK: Duration = Duration::from_millis(5);
 
 /// Who holds a lock of the cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,7 +59,7 @@ pub enum CellError {
     Foreign { path: PathBuf, uid: u32 },
     #[error("cell '{cell}' has a {role} already: stop it, or choose another cell with --cell")]
     Busy { cell: String, role: &'static str },
-    #[error("{path}: {source}: check its permissions and free space, or set SKILLET_RUNTIME_DIR")]
+    #[error("{path}: {source}: {}", advice::on_io(source))]
     Io { path: PathBuf, source: std::io::Error },
 }
 
@@ -111,8 +117,27 @@ impl Cell {
         // Whoever removes an idle cell takes both roles for an instant: one at a time.
         let _starting = self.starting()?;
         create_own_dir(&self.dir)?;
-        let file = Some(self.try_lock(role)?);
-        Ok(CellLock { file, cell: self.clone() })
+        // Somebody may just look whether there is one, see `has`.
+        let mut attempt = self.try_lock(role);
+        for _ in 0..LOOKS {
+            if !matches!(attempt, Err(CellError::Busy { .. })) {
+                break;
+            }
+            std::thread::sleep(LOOK);
+            attempt = self.try_lock(role);
+        }
+        Ok(CellLock { file: Some(attempt?), cell: self.clone() })
+    }
+
+    /// A living process plays `role`, though it may stand still. The kernel frees the lock of one that
+    /// ends, however it ends.
+    pub fn has(&self, role: Role) -> bool {
+        match File::open(self.lock_path(role)) {
+            // Shared: those who look do not see each other.
+            Ok(file) => flock(&file, FlockOperation::NonBlockingLockShared).is_err(),
+            // Whoever joins it then is told why it cannot be looked at.
+            Err(error) => error.kind() != ErrorKind::NotFound,
+        }
     }
 
     /// Removes what dead processes left of the cells whose name begins with `prefix`.
@@ -151,18 +176,6 @@ impl Cell {
         let _ = fs::remove_dir_all(&self.dir);
     }
 
-    /// Whether somebody plays the role; `None` where that cannot be seen at the moment. Waits for nobody.
-    pub fn is_taken(&self, role: Role) -> Option<bool> {
-        let dir = File::open(self.dir.parent()?).ok()?;
-        // As in `starting`: whoever takes a role now must not find it taken by this look.
-        flock(&dir, FlockOperation::NonBlockingLockExclusive).ok()?;
-        match self.try_lock(role) {
-            Ok(_) => Some(false),
-            Err(CellError::Busy { .. }) => Some(true),
-            Err(_) => None,
-        }
-    }
-
     /// That the cell, if it is there, is this user's: the transport would only say that it failed.
     pub(crate) fn expect_own(&self) -> Result<(), CellError> {
         for dir in self.dir.parent().into_iter().chain([self.dir.as_path()]) {
@@ -170,7 +183,7 @@ impl Cell {
                 Ok(there) if there.uid() != uid() => {
                     return Err(CellError::Foreign { path: dir.to_path_buf(), uid: there.uid() });
                 }
-                Err(source) if source.kind() == std::io::ErrorKind::PermissionDenied => {
+                Err(source) if source.kind() == ErrorKind::PermissionDenied => {
                     return Err(CellError::Io { path: dir.to_path_buf(), source });
                 }
                 _ => {}
@@ -206,8 +219,12 @@ impl Cell {
         dir.map_err(|source| CellError::Io { path: path.into(), source })
     }
 
+    fn lock_path(&self, role: Role) -> PathBuf {
+        self.dir.join(format!("{}.lock", role.name()))
+    }
+
     fn try_lock(&self, role: Role) -> Result<File, CellError> {
-        let file = open_lock(&self.dir.join(format!("{}.lock", role.name())))?;
+        let file = open_lock(&self.lock_path(role))?;
         flock(&file, FlockOperation::NonBlockingLockExclusive)
             .map_err(|_| CellError::Busy { cell: self.name.clone(), role: role.name() })?;
         Ok(file)
@@ -251,63 +268,4 @@ pub fn runtime_dir() -> PathBuf {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn refuses_names_that_would_escape_the_runtime_directory() {
-        for name in ["", "../x", "a/b", "Upper", "with space", &"x".repeat(25)] {
-            assert!(matches!(Cell::new(name), Err(CellError::Name(_))), "{name}");
-        }
-    }
-
-    #[test]
-    fn the_longest_cell_has_room_for_every_channel() {
-        use crate::channel::ChannelError;
-        use crate::ports::{ControllerPorts, LearnerPorts};
-        let dir = format!("/tmp/sk{}", "x".repeat(MAX_DIR_LEN - 8 - 24));
-        let cell = Cell::in_dir(Path::new(&dir), &"y".repeat(24)).unwrap();
-        assert_eq!(cell.dir.as_os_str().len(), MAX_DIR_LEN);
-        let lock = cell.lock(Role::Controller).unwrap();
-        // Sockets are named by random numbers of up to 31 digits.
-        for _ in 0..20 {
-            let controller = ControllerPorts::create(&cell).unwrap();
-            let soon = std::time::Duration::from_secs(5);
-            let learner: Result<_, ChannelError> = LearnerPorts::open(&cell, soon, &|| false);
-            drop((learner.unwrap(), controller));
-        }
-        drop(lock);
-        assert_eq!(cell.traces(), Vec::<PathBuf>::new());
-        fs::remove_dir(&dir).unwrap();
-    }
-
-    #[test]
-    fn roles_that_start_together_do_not_refuse_each_other() {
-        for round in 0..50 {
-            let cell = Cell::new(&format!("both-{}-{round}", std::process::id())).unwrap();
-            std::thread::scope(|scope| {
-                let cell = &cell;
-                let roles = [Role::Controller, Role::Learner];
-                let locks = roles.map(|role| scope.spawn(move || cell.lock(role)));
-                let locks = locks.map(|lock| lock.join().unwrap().unwrap());
-                drop(locks);
-            });
-            cell.remove_if_idle();
-        }
-    }
-
-    #[test]
-    fn second_controller_is_refused_until_the_first_ends() {
-        let cell = Cell::new(&format!("lock-{}", std::process::id())).unwrap();
-        let first = cell.lock(Role::Controller).unwrap();
-        assert!(matches!(cell.lock(Role::Controller), Err(CellError::Busy { .. })));
-        assert_eq!(cell.is_taken(Role::Learner), Some(false));
-        let learner = cell.lock(Role::Learner).unwrap();
-        assert_eq!(cell.is_taken(Role::Learner), Some(true));
-        drop(first);
-        drop(cell.lock(Role::Controller).unwrap());
-        drop(learner);
-        cell.remove_if_idle();
-        assert!(!cell.dir.exists());
-    }
-}
+mod tests;

@@ -14,7 +14,8 @@ use iceoryx2::service::port_factory::{event, publish_subscribe, request_response
 use thiserror::Error;
 
 use crate::SCHEMA;
-use crate::cell::{Cell, CellError};
+use crate::advice;
+use crate::cell::{Cell, CellError, Role};
 use crate::command::{Command, Reply};
 use crate::episode::{EpisodeHeader, TickRecord};
 use crate::generation::Generation;
@@ -48,25 +49,36 @@ pub const EPISODE_LOANS: usize = 2;
 pub enum ChannelError {
     #[error(transparent)]
     Cell(#[from] CellError),
-    #[error(
-        "cannot join the cell '{cell}': {reason}; check that its runtime directory is yours and that /dev/shm has space"
-    )]
-    Node { cell: String, reason: String },
-    #[error(
-        "channel {service}: {action} failed ({reason}); check the free space of /dev/shm, and that controller, learner and tool are of one build"
-    )]
-    Service { service: &'static str, action: &'static str, reason: String },
+    #[error("cannot join the cell '{cell}' ({reason}): {advice}")]
+    Node { cell: String, reason: String, advice: String },
+    #[error("channel {service}: {action} failed ({reason}): {advice}")]
+    Service { service: &'static str, action: &'static str, reason: String, advice: String },
     #[error(
         "no controller in the cell '{cell}' after {seconds:.1} s: start one with `skillet controller --cell {cell}`"
     )]
     NoController { cell: String, seconds: f64 },
+    #[error(
+        "the controller of cell '{cell}' does not answer ({seconds:.1} s): it is stopped or stuck; continue it (`kill -CONT`) or restart it"
+    )]
+    NoAnswer { cell: String, seconds: f64 },
+}
+
+impl ChannelError {
+    /// Nobody is there who could answer, as opposed to something that went wrong.
+    pub fn is_absence(&self) -> bool {
+        matches!(self, ChannelError::NoController { .. } | ChannelError::NoAnswer { .. })
+    }
 }
 
 pub(crate) fn failed<E: core::fmt::Debug>(
     service: &'static str,
     action: &'static str,
 ) -> impl Fn(E) -> ChannelError {
-    move |error| ChannelError::Service { service, action, reason: format!("{error:?}") }
+    move |error| {
+        let reason = format!("{error:?}");
+        let advice = advice::on_transport(&reason);
+        ChannelError::Service { service, action, reason, advice }
+    }
 }
 
 /// Create, in a generation that is new, or join.
@@ -101,10 +113,13 @@ impl Member {
         Member::of(cell, Generation::create(cell)?)
     }
 
-    /// Of the current one; `None` when there is none.
+    /// Of the current one; `None` when there is none, or its controller has died.
     pub fn join(cell: &Cell) -> Result<Option<Member>, ChannelError> {
         cell.expect_own()?;
-        Generation::current(cell).map(|generation| Member::of(cell, generation)).transpose()
+        if !cell.has(Role::Controller) {
+            return Ok(None);
+        }
+        Generation::current(cell)?.map(|generation| Member::of(cell, generation)).transpose()
     }
 
     fn of(cell: &Cell, generation: Generation) -> Result<Member, ChannelError> {
@@ -115,9 +130,10 @@ impl Member {
             // Signals belong to the process, not to its transport.
             .signal_handling_mode(SignalHandlingMode::Disabled)
             .create::<Ipc>()
-            .map_err(|e| ChannelError::Node {
-                cell: cell.name().into(),
-                reason: format!("{e:?}"),
+            .map_err(|error| {
+                let reason = format!("{error:?}");
+                let advice = advice::on_transport(&reason);
+                ChannelError::Node { cell: cell.name().into(), reason, advice }
             })?;
         generation.close_to_others();
         Ok(Member { node, _janitor: janitor, generation })

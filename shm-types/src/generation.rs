@@ -12,6 +12,7 @@
 //! ```
 
 use std::fs::{self, File};
+use std::io::{self, ErrorKind};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
@@ -43,7 +44,7 @@ impl Generation {
         create_own_dir(cell.dir())?;
         sweep(cell);
         let taken = numbers(cell.dir());
-        let last = read_current(cell.dir()).unwrap_or(0);
+        let last = read_current(cell.dir()).ok().flatten().unwrap_or(0);
         let next = (last..LAST).chain(0..last).map(|n| n + 1).find(|n| !taken.contains(n));
         let number = next.unwrap_or(LAST);
         create_own_dir(&root(cell.dir(), number))?;
@@ -60,11 +61,15 @@ impl Generation {
     }
 
     /// The newest complete one, if there is any.
-    pub fn current(cell: &Cell) -> Option<Generation> {
-        let number = read_current(cell.dir())?;
-        let generation = Generation::enter(cell, number).ok()?;
-        // It may have been swept, or followed by another, before its lock was held.
-        (generation.root.is_dir() && generation.is_current()).then_some(generation)
+    pub fn current(cell: &Cell) -> Result<Option<Generation>, CellError> {
+        let entered = read_current(cell.dir())
+            .and_then(|number| number.map(|number| Generation::enter(cell, number)).transpose());
+        match entered {
+            // It may have been swept, or followed by another, before its lock was held.
+            Ok(found) => Ok(found.filter(|found| found.root.is_dir() && found.is_current())),
+            Err(error) if is_going(&error) => Ok(None),
+            Err(source) => Err(CellError::Io { path: cell.dir().to_path_buf(), source }),
+        }
     }
 
     /// How the names of its shared memory begin.
@@ -72,9 +77,12 @@ impl Generation {
         &self.shm_prefix
     }
 
-    /// No newer one has been published.
+    /// No newer one has been published, as far as can be read.
     pub fn is_current(&self) -> bool {
-        self.current.parent().and_then(read_current) == Some(self.number)
+        match self.current.parent().map(read_current) {
+            Some(Ok(number)) => number == Some(self.number),
+            _ => true,
+        }
     }
 
     /// iceoryx2 configuration under which only this user, this cell and this generation meet.
@@ -107,7 +115,7 @@ impl Generation {
         }
     }
 
-    fn enter(cell: &Cell, number: u16) -> std::io::Result<Generation> {
+    fn enter(cell: &Cell, number: u16) -> io::Result<Generation> {
         let root = root(cell.dir(), number);
         let in_use = File::open(&root)?;
         flock(&in_use, FlockOperation::NonBlockingLockShared)?;
@@ -159,8 +167,17 @@ fn root(cell_dir: &Path, number: u16) -> PathBuf {
     cell_dir.join(format!("g{number}"))
 }
 
-fn read_current(cell_dir: &Path) -> Option<u16> {
-    fs::read_to_string(cell_dir.join(CURRENT)).ok()?.parse().ok()
+fn read_current(cell_dir: &Path) -> io::Result<Option<u16>> {
+    match fs::read_to_string(cell_dir.join(CURRENT)) {
+        Ok(text) => Ok(text.parse().ok()),
+        Err(error) if is_going(&error) => Ok(None),
+        Err(error) => Err(error),
+    }
+}
+
+/// It is not there, or about to be swept, as opposed to out of reach.
+fn is_going(error: &io::Error) -> bool {
+    matches!(error.kind(), ErrorKind::NotFound | ErrorKind::WouldBlock)
 }
 
 /// Generations that have a folder.
@@ -185,9 +202,9 @@ mod tests {
     fn only_a_published_generation_is_joined_and_only_an_unused_one_is_swept() {
         let cell = cell("gen");
         let first = Generation::create(&cell).unwrap();
-        assert!(Generation::current(&cell).is_none(), "not published yet");
+        assert!(Generation::current(&cell).unwrap().is_none(), "not published yet");
         first.publish().unwrap();
-        let joined = Generation::current(&cell).unwrap();
+        let joined = Generation::current(&cell).unwrap().unwrap();
         assert_eq!(joined.number, first.number);
         drop(first);
         let second = Generation::create(&cell).unwrap();
@@ -201,7 +218,7 @@ mod tests {
         assert!(!old_root.exists());
         drop(second);
         assert_eq!(sweep(&cell), 0);
-        assert!(Generation::current(&cell).is_none(), "named, but swept");
+        assert!(Generation::current(&cell).unwrap().is_none(), "named, but swept");
         cell.remove_if_idle();
         assert!(!cell.dir().exists());
     }

@@ -8,6 +8,7 @@ mod schema;
 #[macro_use]
 mod message;
 
+mod advice;
 pub mod cell;
 pub mod channel;
 pub mod command;
@@ -23,6 +24,7 @@ pub mod ports;
 pub mod reason;
 pub mod service_manager;
 pub mod telemetry;
+mod tool;
 
 pub use schema::{Digest, SCHEMA};
 

@@ -5,27 +5,21 @@ use std::time::{Duration, Instant};
 
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::port::{
-    BackpressureAction, client::Client, listener::Listener, notifier::Notifier,
-    publisher::Publisher, server::Server, subscriber::Subscriber,
+    BackpressureAction, listener::Listener, notifier::Notifier, publisher::Publisher,
+    server::Server, subscriber::Subscriber,
 };
 use iceoryx2::prelude::*;
 
-use crate::SCHEMA;
 use crate::cell::{Cell, Role};
 use crate::channel::*;
-use crate::command::{COMMAND_STATUS, Command, Reply, Status};
+use crate::command::{Command, Reply};
 use crate::episode::{Ack, EpisodeHeader, MAX_RECORDS, TickRecord};
 use crate::generation::sweep;
 use crate::news::TrialNews;
 pub use crate::observer::ObserverPorts;
 use crate::policy::PolicyMsg;
 use crate::telemetry::{Heartbeat, Telemetry};
-
-/// A client looks for its reply without pause for this long.
-const EAGER: Duration = Duration::from_millis(2);
-
-/// A command without reply is sent again after this long.
-const REPEAT: Duration = Duration::from_secs(1);
+pub use crate::tool::ToolPorts;
 
 /// The controller's ends; owned by its exchange thread.
 pub struct ControllerPorts {
@@ -49,9 +43,9 @@ pub struct ControllerPorts {
 }
 
 impl ControllerPorts {
-    /// Whether a learner is in the cell, heard or not; `None` where that cannot be seen at the moment.
-    pub fn has_learner(&self) -> Option<bool> {
-        self.cell.is_taken(Role::Learner)
+    /// Whether a learner is in the cell, heard or not.
+    pub fn has_learner(&self) -> bool {
+        self.cell.has(Role::Learner)
     }
 
     /// Creates every service of the cell. Call with the cell's controller lock held.
@@ -198,71 +192,6 @@ impl LearnerPorts {
     }
 }
 
-/// The tool's end.
-pub struct ToolPorts {
-    pub commands: Client<Ipc, Command, (), Reply, ()>,
-    cell: Cell,
-    member: Arc<Member>,
-}
-
-impl ToolPorts {
-    pub fn open(cell: &Cell, timeout: Duration) -> Result<ToolPorts, ChannelError> {
-        with_retry(cell, timeout, &|| false, |member| ToolPorts::try_open(cell, member))
-    }
-
-    fn try_open(cell: &Cell, member: &Arc<Member>) -> Result<ToolPorts, ChannelError> {
-        Ok(ToolPorts {
-            commands: commands(&member.node, Door::Open)?
-                .client_builder()
-                .backpressure_strategy(BackpressureStrategy::DiscardData)
-                .create()
-                .map_err(failed(COMMAND, "creating the client"))?,
-            cell: cell.clone(),
-            member: member.clone(),
-        })
-    }
-
-    /// Sends a command and waits for its reply; `None` after `timeout`. What is lost on the way, either
-    /// way, is sent again: its id makes a repetition the same command.
-    pub fn request(&self, command: &Command, timeout: Duration) -> Option<Reply> {
-        let start = Instant::now();
-        loop {
-            let left = timeout.checked_sub(start.elapsed())?;
-            if !self.member.generation.is_current() {
-                // Nobody answers here any more.
-                return ToolPorts::open(&self.cell, left).ok()?.request(command, left);
-            }
-            if let Some(reply) = self.attempt(command, left.min(REPEAT)) {
-                return Some(reply);
-            }
-        }
-    }
-
-    fn attempt(&self, command: &Command, patience: Duration) -> Option<Reply> {
-        let start = Instant::now();
-        let pending = self.commands.send_copy(*command).ok();
-        while start.elapsed() < patience {
-            if let Some(Ok(Some(reply))) = pending.as_ref().map(|pending| pending.receive())
-                && reply.schema == SCHEMA
-                && reply.id == command.id
-            {
-                return Some(*reply);
-            }
-            // Most replies come at once; the others must not cost a core.
-            match start.elapsed() < EAGER {
-                true => std::thread::yield_now(),
-                false => std::thread::sleep(Duration::from_micros(500)),
-            }
-        }
-        None
-    }
-
-    pub fn status(&self, timeout: Duration) -> Option<Status> {
-        let id = u64::from(std::process::id());
-        self.request(&Command::new(COMMAND_STATUS, id), timeout).map(|reply| reply.status)
-    }
-}
-
 /// Repeats `open` in the current generation while services are absent, coming up or going down, up
 /// to `timeout`.
 pub(crate) fn with_retry<T>(
@@ -308,5 +237,5 @@ fn is_transient(error: &ChannelError) -> bool {
 
 /// As many as a service takes are in it already.
 fn has_no_place(error: &ChannelError) -> bool {
-    matches!(error, ChannelError::Service { reason, .. } if reason.contains("ExceedsMaxSupported"))
+    matches!(error, ChannelError::Service { reason, .. } if reason.contains("ExceedsMax"))
 }

@@ -38,7 +38,7 @@ Policies of a session, at rest:
   skillet policy list sessions/pancake-1 --best 5
   skillet policy modes sessions/pancake-1
   skillet policy show sessions/pancake-1 17 --json
-  skillet policy forbid sessions/skittles-1 1       a mode; the next best is the answer
+  skillet policy forbid sessions/skittles-1 1       a mode; the best of the others is selected
 
 Policies of a running cell:
   skillet policy import sessions/pancake-1 --cell kitchen     its answer gets a number, say 1
@@ -76,7 +76,7 @@ Examples:
   skillet policy show 1 --cell kitchen")]
     Show {
         /// Id in the session named before it, as in `policy list`; alone, number in the cell
-        #[arg(num_args = 1..=2, value_names = ["SESSION", "ID"])]
+        #[arg(required = true, num_args = 1..=2, value_names = ["SESSION", "ID"])]
         policy: Vec<String>,
         /// Print JSON
         #[arg(long)]
@@ -95,28 +95,33 @@ Examples:
         #[arg(long)]
         json: bool,
     },
-    /// Forbid a mode of a session, or a policy of a cell: it may not be activated any more
+    /// Forbid a mode of a session, or a policy of a cell; `allow` undoes it
     #[command(after_help = "\
 Examples:
-  skillet policy forbid sessions/skittles-1 1
-  skillet policy forbid sessions/skittles-1 none    allow every mode again
-  skillet policy forbid 3 --cell kitchen            `allow 3` takes it back")]
+  skillet policy forbid sessions/skittles-1 1    the best of the other modes is selected
+  skillet policy allow sessions/skittles-1 1     undoes it
+  skillet policy forbid 3 --cell kitchen         policy 3 cannot be activated any more
+
+The last allowed mode of a session cannot be forbidden.")]
     Forbid {
-        /// Mode of the session named before it, as in `policy modes`, or `none`; alone, number in
-        /// the cell
-        #[arg(num_args = 1..=2, value_names = ["SESSION", "MODE"])]
+        /// Mode of the session named before it, as in `policy modes`; alone, number in the cell
+        #[arg(required = true, num_args = 1..=2, value_names = ["SESSION", "MODE"])]
         policy: Vec<String>,
-        /// Print JSON (of a cell)
+        /// Print JSON
         #[arg(long)]
         json: bool,
         #[command(flatten)]
         cell: CellArgs,
     },
-    /// Allow a forbidden policy of a cell again
-    #[command(after_help = "Example: skillet policy allow 3 --cell kitchen")]
+    /// Allow a forbidden mode of a session, or a forbidden policy of a cell, again
+    #[command(after_help = "\
+Examples:
+  skillet policy allow sessions/skittles-1 1
+  skillet policy allow 3 --cell kitchen")]
     Allow {
-        /// Number in the cell
-        id: u64,
+        /// Mode of the session named before it, as in `policy modes`; alone, number in the cell
+        #[arg(required = true, num_args = 1..=2, value_names = ["SESSION", "MODE"])]
+        policy: Vec<String>,
         /// Print JSON
         #[arg(long)]
         json: bool,

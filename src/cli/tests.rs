@@ -94,6 +94,7 @@ fn what_is_no_command_of_ours_is_left_alone() {
     assert_eq!(texts.len(), 4, "{texts:?}");
     assert_eq!(texts[0], "sudo useradd --system skillet");
     assert_eq!(commands(texts[1]), [["skillet", "config"]]);
+    assert_eq!(commands("skillet config 2> c.log &"), [["skillet", "config"]]);
     assert_eq!(lines[1].at, "d.md, line 9");
     assert!(lines.iter().all(|line| refusal(line).is_none()));
 }

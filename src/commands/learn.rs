@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, bail};
 use learner::store::Store;
 use learner::summary::Summary as Achievement;
+use serde_json::json;
 use shm_types::cell::{Cell, runtime_dir};
 use shm_types::command::Status;
 use shm_types::ports::ToolPorts;
@@ -18,7 +19,7 @@ use crate::Verdict;
 use crate::children::Service;
 use crate::cli::{LearnArgs, Task};
 use crate::config::Config;
-use crate::output::print;
+use crate::output::{print, print_json};
 use crate::progress::{Progress, TrialLine};
 use crate::session_folder::SessionFolder;
 use crate::signals::{Who, stop_flag};
@@ -40,8 +41,11 @@ pub fn run(args: &LearnArgs) -> Result<Verdict> {
     cell.remove_if_idle();
     let run = result?;
     if run.interrupted && !folder.database().exists() {
-        let dir = folder.dir().display();
-        say(&format!("stopped before the first rollout; go on with --out {dir}"));
+        let dir = folder.dir();
+        if args.json {
+            print_json(&json!({ "session": dir, "interrupted": true, "rollouts": 0 }))?;
+        }
+        say(&format!("stopped before the first rollout; resume with --out {}", dir.display()));
         return Ok(Verdict::Negative);
     }
 
@@ -181,8 +185,7 @@ fn watch(
     loop {
         match lines.recv_timeout(WATCH) {
             Ok(line) => {
-                trials += 1;
-                progress.trial(&parse(&line)?);
+                trials += show(&line, progress)?;
                 continue;
             }
             Err(RecvTimeoutError::Timeout) => {}
@@ -195,8 +198,7 @@ fn watch(
         }
         if let Some(status) = learner.exited()? {
             for line in lines.iter() {
-                trials += 1;
-                progress.trial(&parse(&line)?);
+                trials += show(&line, progress)?;
             }
             if !status.success() {
                 bail!(
@@ -217,8 +219,16 @@ fn watch(
     }
 }
 
-fn parse(line: &str) -> Result<TrialLine> {
-    serde_json::from_str(line).with_context(|| format!("the learner said something else: {line}"))
+/// Shows what the learner says: how many trials it told of.
+fn show(line: &str, progress: &Progress) -> Result<u64> {
+    // Its log says the same, and is what the user is shown.
+    if line.starts_with(r#"{"error":"#) {
+        return Ok(0);
+    }
+    let trial = serde_json::from_str::<TrialLine>(line)
+        .with_context(|| format!("the learner said something else: {line}"))?;
+    progress.trial(&trial);
+    Ok(1)
 }
 
 fn stored_trials(database: &Path) -> u64 {

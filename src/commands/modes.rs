@@ -1,11 +1,13 @@
-//! `skillet policy modes | forbid | export`: choosing among what a session has found.
+//! `skillet policy modes | forbid | allow | export`: choosing among what a session has found.
 
 use std::fs::File;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
-use learner::modes::{ModeReport, Prefer, choose};
+use learner::modes::{ModeReport, Prefer, choose, forbidden_by};
+use learner::search::Mode;
 use learner::store::Store;
+use nalgebra::DVector;
 use serde_json::json;
 use shm_types::policy::PolicyMsg;
 
@@ -17,6 +19,10 @@ use crate::report::ModeRow;
 use crate::resume::resume;
 use crate::session_folder::SessionFolder;
 use crate::stderr::say;
+
+/// Modes move while a session goes on, so that one place may come to forbid them all.
+const ALL_FORBIDDEN: &str =
+    "every mode is forbidden; `skillet policy allow SESSION MODE` allows one again";
 
 /// A session at rest, and which mode it prefers.
 struct Found {
@@ -54,6 +60,14 @@ impl Found {
         found.with_context(|| {
             format!("mode {number}: this session has modes 1 to {}", self.modes.len())
         })
+    }
+
+    /// Number and mean of a mode as named on the command line.
+    fn named(&self, mode: &str) -> Result<(usize, DVector<f64>)> {
+        let number = mode.parse().ok().with_context(|| {
+            format!("mode '{mode}': give its number, as in `skillet policy modes SESSION`")
+        })?;
+        Ok((number, self.numbered(number)?.0.mode.mean.clone()))
     }
 }
 
@@ -96,7 +110,7 @@ fn answer_of<Policy>(modes: &[(ModeReport, Policy)], prefer: Prefer) -> Option<u
 
 fn remark(report: &ModeReport, answer: Option<usize>) -> &'static str {
     match (answer == Some(report.number), report.forbidden) {
-        (true, _) => "the answer",
+        (true, _) => "selected",
         (_, true) => "forbidden",
         _ => "",
     }
@@ -147,40 +161,66 @@ fn row(report: &ModeReport, policy_id: u64, answer: Option<usize>) -> serde_json
     })
 }
 
-pub fn forbid(session: &Path, mode: &str) -> Result<Verdict> {
+pub fn forbid(session: &Path, mode: &str, as_json: bool) -> Result<Verdict> {
     let mut found = Found::open(session, None)?;
-    if mode == "none" {
-        found.store.allow_all()?;
-    } else {
-        let number = mode.parse().with_context(|| {
-            format!("mode '{mode}': give its number in `policy modes`, or none")
-        })?;
-        let mean = found.numbered(number)?.0.mode.mean.clone();
-        found.store.forbid(&mean)?;
+    let (number, mean) = found.named(mode)?;
+    let modes: Vec<Mode> = found.modes.iter().map(|(report, _)| report.mode.clone()).collect();
+    let gone = forbidden_by(&mean, &modes);
+    let stays = |(report, _): &&(ModeReport, PolicyMsg)| {
+        !report.forbidden && !gone.contains(&(report.number - 1))
+    };
+    if !found.modes.iter().any(|mode| stays(&mode)) {
+        let others = found.modes.iter().map(|(report, _)| report.number);
+        let others: Vec<usize> = others.filter(|other| *other != number).collect();
+        let name = session.display();
+        match others.first() {
+            None => bail!(
+                "mode {number} is the only mode of session {name}, and without it there would be no \
+                 policy to use: nothing changed"
+            ),
+            Some(other) => bail!(
+                "mode {number} is the last mode of session {name} that is allowed: nothing changed. \
+                 Allow another one first, as in `skillet policy allow {name} {other}`"
+            ),
+        }
     }
+    found.store.forbid(&mean)?;
+    selected(found, as_json)
+}
+
+pub fn allow(session: &Path, mode: &str, as_json: bool) -> Result<Verdict> {
+    let mut found = Found::open(session, None)?;
+    let (number, _) = found.named(mode)?;
+    found.store.allow(number)?;
+    selected(found, as_json)
+}
+
+/// Says which mode is selected after a change.
+fn selected(mut found: Found, as_json: bool) -> Result<Verdict> {
     found.modes = with_policies(&found.store)?;
-    match found.answer() {
-        Some(number) => {
-            let policy = found.numbered(number)?.1.policy_id;
-            print(&format!("the answer is mode {number}, policy {policy}\n"))?;
-            Ok(Verdict::Done)
-        }
-        None => {
-            say("every mode is forbidden; `skillet policy forbid SESSION none` allows them");
-            Ok(Verdict::Negative)
-        }
+    let Some(number) = found.answer() else { bail!(ALL_FORBIDDEN) };
+    let policy = found.numbered(number)?.1.policy_id;
+    let forbidden = found.modes.iter().map(|(report, _)| report);
+    let forbidden: Vec<usize> =
+        forbidden.filter(|report| report.forbidden).map(|report| report.number).collect();
+    if as_json {
+        print_json(&json!({ "mode": number, "policy_id": policy, "forbidden": forbidden }))?;
+    } else {
+        print(&format!("selected: mode {number}, policy {policy}\n"))?;
     }
+    Ok(Verdict::Done)
 }
 
 /// The policy of a mode, else of the preferred one.
 pub fn answer(session: &Path, prefer: Option<PreferArg>, mode: Option<usize>) -> Result<PolicyMsg> {
     let found = Found::open(session, prefer)?;
     let Some(number) = mode.or_else(|| found.answer()) else {
-        bail!("every mode is forbidden; `skillet policy forbid SESSION none` allows them");
+        bail!(ALL_FORBIDDEN);
     };
     let (report, policy) = found.numbered(number)?;
     if report.forbidden {
-        bail!("mode {number} is forbidden; `skillet policy forbid SESSION none` allows it");
+        let name = session.display();
+        bail!("mode {number} is forbidden; `skillet policy allow {name} {number}` allows it again");
     }
     Ok(*policy)
 }

@@ -28,11 +28,12 @@ pub fn run(args: &PolicyArgs) -> Result<Verdict> {
         }
         PolicyVerb::Modes { session, prefer, json } => modes::list(session, *prefer, *json),
         PolicyVerb::Forbid { policy, json, cell } => match policy.as_slice() {
-            [session, mode] => modes::forbid(Path::new(session), mode),
-            [id, ..] => {
-                live::change(&NamedCell::of(cell)?, COMMAND_FORBID, live::number(id)?, *json)
-            }
-            [] => unreachable!("clap wants one or two"),
+            [session, mode] => modes::forbid(Path::new(session), mode, *json),
+            policy => live::change(&NamedCell::of(cell)?, COMMAND_FORBID, only(policy)?, *json),
+        },
+        PolicyVerb::Allow { policy, json, cell } => match policy.as_slice() {
+            [session, mode] => modes::allow(Path::new(session), mode, *json),
+            policy => live::change(&NamedCell::of(cell)?, COMMAND_ALLOW, only(policy)?, *json),
         },
         PolicyVerb::Export { from, prefer, mode, format, cell } => {
             let policy = match Path::new(from).is_dir() {
@@ -60,9 +61,6 @@ pub fn run(args: &PolicyArgs) -> Result<Verdict> {
         PolicyVerb::Rollback { at, json, cell } => {
             live::rollback(&NamedCell::of(cell)?, *at, *json)
         }
-        PolicyVerb::Allow { id, json, cell } => {
-            live::change(&NamedCell::of(cell)?, COMMAND_ALLOW, *id, *json)
-        }
         PolicyVerb::Pin { json, cell } => {
             live::change(&NamedCell::of(cell)?, COMMAND_PIN, LAST_GOOD, *json)
         }
@@ -70,6 +68,11 @@ pub fn run(args: &PolicyArgs) -> Result<Verdict> {
             live::change(&NamedCell::of(cell)?, COMMAND_UNPIN, LAST_GOOD, *json)
         }
     }
+}
+
+/// The number of a policy in a cell, when no session stands before it.
+fn only(policy: &[String]) -> Result<u64> {
+    live::number(policy.first().map_or("", String::as_str))
 }
 
 fn store(session: &Path) -> Result<Store> {

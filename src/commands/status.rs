@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::time::Duration;
 
-use anyhow::{Result, bail};
+use anyhow::Result;
 use rt_controller::fault::Fault;
 use rt_controller::flight_files::FAULTS_DIR;
 use serde_json::json;
@@ -12,11 +12,12 @@ use shm_types::channel::ChannelError;
 use shm_types::command::Status;
 use shm_types::ports::ToolPorts;
 
-use crate::Verdict;
 use crate::cell::NamedCell;
 use crate::cli::StatusArgs;
 use crate::health::{self, Health};
 use crate::output::{print, print_json};
+use crate::watch::vitals::Presence;
+use crate::{Verdict, exit};
 
 const TIMEOUT: Duration = Duration::from_secs(1);
 const PHASES: [&str; 4] = ["idle", "approach", "execute", "settle"];
@@ -24,23 +25,10 @@ const PHASES: [&str; 4] = ["idle", "approach", "execute", "settle"];
 pub fn run(args: &StatusArgs) -> Result<Verdict> {
     let named = NamedCell::of(&args.cell)?;
     let (cell, faults_dir) = (&named.cell, named.state_dir().join(FAULTS_DIR));
-    let status = match ToolPorts::open(cell, TIMEOUT) {
-        Ok(ports) => ports.status(TIMEOUT),
-        Err(error @ ChannelError::NoController { .. }) => {
-            if args.json {
-                print_json(&json!({ "cell": cell.name(), "controller": "absent" }))?;
-            } else {
-                print(&format!("{error}\n"))?;
-            }
-            return Ok(Verdict::Negative);
-        }
+    let status = match ask(cell) {
+        Ok(status) => status,
+        Err(error) if error.is_absence() => return absent(cell, error, args.json),
         Err(error) => return Err(error.into()),
-    };
-    let Some(status) = status else {
-        bail!(
-            "the controller of cell '{}' does not answer: it may be dead or stopped; start it again",
-            cell.name()
-        );
     };
     if args.json {
         print_json(&as_json(cell, &status))?;
@@ -51,6 +39,28 @@ pub fn run(args: &StatusArgs) -> Result<Verdict> {
         Health::Bad => Verdict::Negative,
         _ => Verdict::Done,
     })
+}
+
+fn ask(cell: &Cell) -> Result<Status, ChannelError> {
+    let ports = ToolPorts::open(cell, TIMEOUT)?;
+    ports.status(TIMEOUT).ok_or_else(|| ports.silence(TIMEOUT))
+}
+
+/// There is no controller, or it does not answer: that is this command's answer.
+fn absent(cell: &Cell, error: ChannelError, as_json: bool) -> Result<Verdict> {
+    let controller = match error {
+        ChannelError::NoAnswer { .. } => Presence::Silent,
+        _ => Presence::Absent,
+    };
+    let error = anyhow::Error::from(error);
+    if as_json {
+        let controller = controller.name();
+        let error = exit::object(&error);
+        print_json(&json!({ "cell": cell.name(), "controller": controller, "error": error }))?;
+    } else {
+        print(&format!("{error}\n"))?;
+    }
+    Ok(Verdict::NoController)
 }
 
 fn phase(status: &Status) -> &'static str {

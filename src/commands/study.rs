@@ -40,6 +40,9 @@ pub fn run(args: &StudyArgs) -> Result<Verdict> {
         }
         Outcome::Figure { figure } => print(&format!("{}\n", figure.display()))?,
         Outcome::Stopped => {
+            if args.json {
+                print_json(&json!({ "study": study.name, "interrupted": true }))?;
+            }
             say("stopped; the seeds that are done are kept, the same command goes on");
             return Ok(Verdict::Negative);
         }

@@ -6,16 +6,16 @@ use std::time::Instant;
 
 use anyhow::{Result, bail};
 
-use crate::Verdict;
 use crate::cell::NamedCell;
 use crate::cli::record::WatchArgs;
 use crate::output::is_closed;
 use crate::signals::{Who, stop_flag};
 use crate::watch::{self, Model, lines, serve, terminal};
+use crate::{Verdict, setup, tty};
 
 pub fn run(args: &WatchArgs) -> Result<Verdict> {
     let named = NamedCell::of(&args.cell)?;
-    let (watcher, statuses) = watch::open(&named)?;
+    let watcher = watch::open(&named)?;
     let (stop, start) = (stop_flag(Who::Tool)?, Instant::now());
     let is_over = || {
         let elapsed = start.elapsed().as_secs_f64();
@@ -23,13 +23,15 @@ pub fn run(args: &WatchArgs) -> Result<Verdict> {
             || is_closed()
             || args.duration_s.is_some_and(|limit| elapsed >= limit)
     };
-    let model = Model::new(&named.cell);
+    let model = || Model::new(&named.cell);
     if let Some(address) = args.serve {
         serve::run(&named, address, watcher, &is_over)?;
     } else if args.json {
-        lines::run(model, watcher, &statuses, &is_over)?;
+        lines::run(model(), watcher, lines::json, &is_over)?;
+    } else if tty::can_draw(&std::io::stdout()) {
+        terminal::run(&named, model(), watcher, &is_over)?;
     } else if std::io::stdout().is_terminal() {
-        terminal::run(&named, model, watcher, &statuses, &is_over)?;
+        lines::run(model(), watcher, lines::text, &is_over)?;
     } else {
         bail!("this is no terminal: use --json for scripts, or `skillet status` for one look");
     }

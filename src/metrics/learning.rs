@@ -1,6 +1,6 @@
 //! How the learning of a cell goes, for its metrics: what a learner tells everybody.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use shm_types::cell::Cell;
 use shm_types::ports::ObserverPorts;
@@ -13,11 +13,17 @@ pub struct Learning {
     cell: Cell,
     ports: Option<ObserverPorts>,
     session: WatchedSession,
+    ticked: Option<Instant>,
 }
 
 impl Learning {
     pub fn of(cell: &Cell) -> Learning {
-        Learning { cell: cell.clone(), ports: None, session: WatchedSession::default() }
+        Learning {
+            cell: cell.clone(),
+            ports: None,
+            session: WatchedSession::default(),
+            ticked: None,
+        }
     }
 
     /// Takes what was told since the last time. What cannot be heard now is told again later.
@@ -29,6 +35,16 @@ impl Learning {
         while let Ok(Some(news)) = ports.trials.receive() {
             self.session.take(&news);
         }
+        while let Ok(Some(_)) = ports.telemetry.receive() {
+            self.ticked = Some(Instant::now());
+        }
+    }
+
+    /// Name, help and age of what else is told; none of what was never heard.
+    pub fn ages(&self) -> impl Iterator<Item = (&'static str, &'static str, Duration)> {
+        let tick = self.ticked.map(|at| ("tick_age", "Since the newest tick", at.elapsed()));
+        let trial = self.session.trial_age().map(|age| ("trial_age", "Since the last trial", age));
+        tick.into_iter().chain(trial)
     }
 
     /// Name, help and value; none before the first trial.

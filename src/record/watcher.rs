@@ -6,7 +6,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use anyhow::Result;
 use shm_types::SCHEMA;
-use shm_types::cell::Cell;
+use shm_types::cell::{Cell, Role};
 use shm_types::channel::ChannelError;
 use shm_types::episode::EpisodeHeader;
 use shm_types::news::TrialNews;
@@ -16,6 +16,8 @@ use shm_types::telemetry::TelemetryTick;
 
 /// How long a lost controller is looked for before the caller gets another turn.
 const SOON: Duration = Duration::from_millis(20);
+/// Between two looks whether the controller lives.
+const LOOK: Duration = Duration::from_millis(100);
 /// Ticks that lie further apart in time than in number are not of one run of the loop.
 const CLOCK_TOLERANCE: Duration = Duration::from_millis(250);
 
@@ -36,6 +38,9 @@ pub enum Seen {
 pub struct Watcher {
     cell: Cell,
     ports: Option<ObserverPorts>,
+    /// The controller of these ports lives.
+    is_there: bool,
+    looked: Instant,
     period: Duration,
     /// Time of tick 0, ns since the epoch.
     origin_ns: Option<u64>,
@@ -50,8 +55,18 @@ impl Watcher {
     pub fn open(cell: &Cell, period: Duration, timeout: Duration) -> Result<Watcher> {
         let ports = Some(ObserverPorts::open(cell, timeout)?);
         let (cell, seen) = (cell.clone(), VecDeque::new());
-        let (origin_ns, next_tick) = (None, None);
-        Ok(Watcher { cell, ports, period, origin_ns, next_tick, seen, ticks: 0, lost: 0 })
+        Ok(Watcher {
+            cell,
+            ports,
+            is_there: true,
+            looked: Instant::now(),
+            period,
+            origin_ns: None,
+            next_tick: None,
+            seen,
+            ticks: 0,
+            lost: 0,
+        })
     }
 
     /// The next thing seen; `None` when there is nothing new.
@@ -82,15 +97,24 @@ impl Watcher {
             }
         }
         let is_current = ports.is_current();
+        let was_there = self.is_there;
+        if self.looked.elapsed() >= LOOK {
+            self.looked = Instant::now();
+            // A dead one leaves its services behind, and its learner goes on to tell of itself there.
+            self.is_there &= self.cell.has(Role::Controller);
+        }
         if let Some(last) = ticks.last() {
             self.keep_time(last.record.tick);
         }
         for tick in ticks {
             self.take(tick);
         }
+        self.is_there &= is_current;
+        if was_there && !self.is_there {
+            self.seen.push_back(Seen::ControllerGone);
+        }
         if !is_current {
             self.ports = None;
-            self.seen.push_back(Seen::ControllerGone);
         }
         Ok(())
     }
@@ -98,7 +122,7 @@ impl Watcher {
     fn look_for_controller(&mut self) -> Result<()> {
         match ObserverPorts::open(&self.cell, SOON) {
             Ok(ports) => {
-                self.ports = Some(ports);
+                (self.ports, self.is_there) = (Some(ports), true);
                 // Another loop, another count and another clock.
                 (self.next_tick, self.origin_ns) = (None, None);
                 self.seen.push_back(Seen::ControllerBack);

@@ -1,33 +1,31 @@
-//! A watched cell as JSON, one object a second.
+//! A watched cell line by line: as JSON for scripts, as text where a terminal cannot draw.
 
-use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
 use anyhow::Result;
 use serde_json::json;
-use shm_types::command::Status;
 
 use super::Model;
-use crate::health;
 use crate::output::print;
 use crate::record::watcher::{Watcher, pause};
 
 const EVERY: Duration = Duration::from_secs(1);
 
+/// How a line is written.
+pub type Line = fn(&Model, &Watcher) -> String;
+
+/// A line every second, at the end, and at once when controller or learner come or go.
 pub fn run(
     mut model: Model,
     mut watcher: Watcher,
-    statuses: &Receiver<Status>,
+    line: Line,
     is_over: &dyn Fn() -> bool,
 ) -> Result<()> {
     let mut said = Instant::now();
     while !is_over() {
         let round = Instant::now();
-        while let Some(seen) = watcher.next()? {
-            model.take(&seen);
-        }
-        model.status = statuses.try_iter().last().or(model.status);
-        if said.elapsed() >= EVERY {
+        let changes = model.look(&mut watcher)?;
+        if said.elapsed() >= EVERY || !changes.is_empty() {
             said = Instant::now();
             print(&format!("{}\n", line(&model, &watcher)))?;
         }
@@ -36,15 +34,24 @@ pub fn run(
     print(&format!("{}\n", line(&model, &watcher)))
 }
 
-fn line(model: &Model, watcher: &Watcher) -> serde_json::Value {
+/// One JSON object.
+pub fn json(model: &Model, watcher: &Watcher) -> String {
     let (wakeup, tick) = model.times();
-    let (session, best) = (&model.session, model.session.best());
+    let (session, best, vitals) = (&model.session, model.session.best(), &model.vitals);
+    let (health, findings) = vitals.health().unzip();
+    let seconds = |age: Option<Duration>| age.map(|age| age.as_secs_f64());
     json!({
         "cell": model.cell,
-        "controller": if model.is_there { "running" } else { "absent" },
-        "health": model.status.map(|status| health::of(&status).0.name()),
-        "notes": model.status.map(|status| health::notes(&status, &model.cell)),
+        "controller": vitals.controller().name(),
+        "controller_age_s": vitals.silence().as_secs_f64(),
+        "health": health.map(|health| health.name()),
+        "findings": findings,
+        "notes": vitals.status().map(|status| health::notes(&status, &model.cell)),
+        "status_age_s": seconds(vitals.status_age()),
+        "learner": vitals.learner().name(),
+        "learner_age_s": seconds(vitals.learner_age()),
         "tick": model.last.record.tick,
+        "tick_age_s": seconds(vitals.tick_age()),
         "phase": model.last.record.phase,
         "ticks_seen": watcher.ticks,
         "ticks_lost": watcher.lost,
@@ -53,6 +60,7 @@ fn line(model: &Model, watcher: &Watcher) -> serde_json::Value {
         "tick_us": { "p50": tick.p50, "p99": tick.p99, "max": tick.max },
         "policy_digest": format!("{:016x}", model.last.policy_digest),
         "trials": session.trials.back().map_or(0, |trial| trial.rollout),
+        "trial_age_s": seconds(session.trial_age()),
         "rollouts": session.rollouts,
         "last_reward": session.trials.back().map(|trial| trial.reward),
         "best_reward": best.map(|(_, reward)| reward),
@@ -60,4 +68,27 @@ fn line(model: &Model, watcher: &Watcher) -> serde_json::Value {
         "success_last20": session.success_last20(),
         "modes": session.modes.len(),
     })
+    .to_string()
+}
+
+/// One line of text.
+pub fn text(model: &Model, _: &Watcher) -> String {
+    let (session, vitals) = (&model.session, &model.vitals);
+    let health = match vitals.health() {
+        Some((health, findings)) => [vec![health.name().to_string()], findings].concat().join("; "),
+        None => "asking the controller".into(),
+    };
+    let tick = match vitals.tick_age() {
+        Some(age) => format!(", tick {} {:.1} s ago", model.last.record.tick, age.as_secs_f64()),
+        None => String::new(),
+    };
+    let trials = match (session.trials.back(), session.best()) {
+        (Some(last), Some((_, best))) => {
+            let (rollout, of, reward) = (last.rollout, session.rollouts, last.reward);
+            format!(", rollout {rollout} of {of}: reward {reward:.3}, best {best:.3}")
+        }
+        _ => String::new(),
+    };
+    let (controller, learner) = (vitals.controller().name(), vitals.learner().name());
+    format!("controller {controller}{tick}, learner {learner}{trials}; health {health}")
 }

@@ -6,27 +6,23 @@ pub mod serve;
 pub mod session;
 pub mod terminal;
 mod view;
+pub mod vitals;
 
 use std::collections::VecDeque;
-use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
 use anyhow::Result;
 use hdrhistogram::Histogram;
 use shm_types::cell::Cell;
-use shm_types::command::Status;
-use shm_types::ports::ToolPorts;
 use shm_types::telemetry::TelemetryTick;
 
 use crate::cell::NamedCell;
 use crate::record::watcher::{Seen, Watcher};
 use session::WatchedSession;
+use vitals::Vitals;
 
 /// How long a controller is waited for.
 const OPEN: Duration = Duration::from_secs(2);
-/// Between two questions to the controller.
-const ASK: Duration = Duration::from_millis(500);
-const TIMEOUT: Duration = Duration::from_millis(300);
 /// Percentiles are of the last windows of this length.
 const WINDOW: Duration = Duration::from_secs(5);
 /// Notes shown.
@@ -50,12 +46,11 @@ pub struct Percentiles {
 /// What a watcher knows.
 pub struct Model {
     pub cell: String,
-    pub status: Option<Status>,
+    pub vitals: Vitals,
     pub last: TelemetryTick,
     pub session: WatchedSession,
     /// Newest last.
     pub notes: VecDeque<String>,
-    pub is_there: bool,
     current: Times,
     shown: Option<(Percentiles, Percentiles)>,
     window_began: Instant,
@@ -72,31 +67,38 @@ impl Model {
     pub fn new(cell: &Cell) -> Model {
         Model {
             cell: cell.name().into(),
-            status: None,
+            vitals: Vitals::of(cell),
             last: TelemetryTick::ZERO,
             session: WatchedSession::default(),
             notes: VecDeque::new(),
-            is_there: true,
             current: Times::new(),
             shown: None,
             window_began: Instant::now(),
         }
     }
 
-    pub fn take(&mut self, seen: &Seen) {
+    fn take(&mut self, seen: &Seen) {
         match seen {
             Seen::Tick(tick, _) => self.take_tick(tick),
             Seen::Trial(news) => self.session.take(news),
-            Seen::ControllerGone => {
-                (self.is_there, self.status) = (false, None);
-                self.note("the controller has gone; waiting for one".into());
-            }
             Seen::ControllerBack => {
-                self.is_there = true;
-                self.note("a controller is there again".into());
+                // Another loop, with times of its own.
+                (self.last, self.shown, self.current) = (TelemetryTick::ZERO, None, Times::new());
             }
+            Seen::ControllerGone => {}
             Seen::Policy(_) | Seen::Outcome(_) | Seen::Lost(_) => {}
         }
+    }
+
+    /// Takes what there is, and notes who came and who went. Returns those notes.
+    pub fn look(&mut self, watcher: &mut Watcher) -> Result<Vec<String>> {
+        while let Some(seen) = watcher.next()? {
+            self.take(&seen);
+        }
+        self.vitals.look();
+        let changes = self.vitals.changes();
+        changes.iter().for_each(|change| self.note(change.clone()));
+        Ok(changes)
     }
 
     pub fn note(&mut self, text: String) {
@@ -108,6 +110,7 @@ impl Model {
 
     fn take_tick(&mut self, tick: &TelemetryTick) {
         self.last = *tick;
+        self.vitals.ticked();
         self.current.wakeup.saturating_record(tick.wakeup_ns);
         self.current.tick.saturating_record(tick.tick_ns);
         if self.window_began.elapsed() >= WINDOW {
@@ -135,30 +138,8 @@ impl Model {
     }
 }
 
-/// A watcher of the named cell, and its controller's answers to "how are you".
-pub fn open(named: &NamedCell) -> Result<(Watcher, Receiver<Status>)> {
+/// A watcher of the named cell.
+pub fn open(named: &NamedCell) -> Result<Watcher> {
     let period = Duration::from_nanos(named.config().controller.period_ns());
-    let watcher = Watcher::open(&named.cell, period, OPEN)?;
-    Ok((watcher, ask(named.cell.clone())))
-}
-
-/// Asks again and again on a thread of its own, which ends with the receiver: a controller that does
-/// not answer must not stop the picture.
-fn ask(cell: Cell) -> Receiver<Status> {
-    let (sender, statuses) = channel();
-    std::thread::spawn(move || {
-        let mut ports: Option<ToolPorts> = None;
-        loop {
-            ports = ports.or_else(|| ToolPorts::open(&cell, TIMEOUT).ok());
-            let status = ports.as_ref().and_then(|ports| ports.status(TIMEOUT));
-            if status.is_none() {
-                ports = None;
-            }
-            if status.is_some_and(|status| sender.send(status).is_err()) {
-                return;
-            }
-            std::thread::sleep(ASK);
-        }
-    });
-    statuses
+    Watcher::open(&named.cell, period, OPEN)
 }

@@ -4,8 +4,12 @@ use std::net::SocketAddr;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
+use foxglove::WebSocketServerHandle;
+use foxglove::websocket::Status;
 
+use super::vitals::Vitals;
 use crate::cell::NamedCell;
+use crate::health::Health;
 use crate::record;
 use crate::record::messages::{Mixture, Trial};
 use crate::record::scribe::Detail;
@@ -16,6 +20,8 @@ use crate::stderr::say;
 const FRAME: Duration = Duration::from_millis(20);
 /// Bodies again, for viewers that came later.
 const BODIES: Duration = Duration::from_secs(1);
+/// Names the problem that a viewer shows, so that it can be taken away again.
+const PROBLEM: &str = "skillet-health";
 
 pub fn run(
     named: &NamedCell,
@@ -42,11 +48,15 @@ pub fn run(
 
     let mut newest = None;
     let mut drawn = Instant::now() - BODIES;
+    let (mut vitals, mut said) = (Vitals::of(&named.cell), Instant::now());
     while !is_over() {
         let frame = Instant::now();
         while let Some(seen) = watcher.next()? {
             match seen {
-                Seen::Tick(tick, at_ns) => newest = Some((tick, at_ns)),
+                Seen::Tick(tick, at_ns) => {
+                    vitals.ticked();
+                    newest = Some((tick, at_ns));
+                }
                 Seen::Policy(policy) => scribe.policy(&policy),
                 Seen::Outcome(header) => scribe.outcome(&header),
                 Seen::Trial(news) => {
@@ -55,11 +65,19 @@ pub fn run(
                         scribe.mixture(&mixture);
                     }
                 }
-                Seen::ControllerGone => scribe.warn("the controller has gone".into()),
-                Seen::ControllerBack => scribe.warn("a controller is there again".into()),
-                // Most are left out on purpose.
-                Seen::Lost(_) => {}
+                // Told below, with those that stand still; ticks are left out on purpose.
+                Seen::ControllerGone | Seen::ControllerBack | Seen::Lost(_) => {}
             }
+        }
+        vitals.look();
+        for change in vitals.changes() {
+            eprintln!("{change}");
+            scribe.warn(change);
+        }
+        // Viewers that come later are told, too: it is a state, not an event.
+        if said.elapsed() >= BODIES {
+            said = Instant::now();
+            tell(&server, &vitals);
         }
         if let Some((tick, at_ns)) = newest.take() {
             let everything = Detail { object: true, frames: true, springs: true };
@@ -73,4 +91,15 @@ pub fn run(
     }
     server.stop().detach_all();
     Ok(())
+}
+
+/// Shows in the viewer's list of problems what is not well, and takes away what is again.
+fn tell(server: &WebSocketServerHandle, vitals: &Vitals) {
+    match vitals.health() {
+        Some((health, findings)) if health != Health::Ok => {
+            let text = format!("{}: {}", health.name(), findings.join("; "));
+            server.publish_status(Status::warning(text).with_id(PROBLEM));
+        }
+        _ => server.remove_status(vec![PROBLEM.into()]),
+    }
 }

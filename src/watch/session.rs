@@ -1,6 +1,7 @@
 //! A session as its learner tells it: rewards, successes, modes.
 
 use std::collections::VecDeque;
+use std::time::{Duration, Instant};
 
 use shm_types::news::{ModeNews, TRIAL_SUCCESS, TrialNews};
 
@@ -15,9 +16,14 @@ pub struct Trial {
     pub success: bool,
 }
 
+/// What is told first are trials of before, however old.
+const HISTORY: Duration = Duration::from_secs(1);
+
 /// The newest session that was told of; without a trial nothing was.
 #[derive(Default)]
 pub struct WatchedSession {
+    first_told: Option<Instant>,
+    last_told: Option<Instant>,
     id: u64,
     /// In the order of their rollouts.
     pub trials: VecDeque<Trial>,
@@ -30,12 +36,17 @@ impl WatchedSession {
     /// Takes what was told; what cannot be believed is passed over.
     pub fn take(&mut self, news: &TrialNews) {
         let Ok(modes) = news.validate() else { return };
+        let first_told = *self.first_told.get_or_insert_with(Instant::now);
         if news.session != self.id {
-            *self = WatchedSession { id: news.session, ..WatchedSession::default() };
+            let first_told = Some(first_told);
+            *self = WatchedSession { id: news.session, first_told, ..WatchedSession::default() };
         }
         self.rollouts = news.rollouts;
         // What is told again, to a new controller's services, is known already.
         if self.trials.back().is_none_or(|last| news.rollout > last.rollout) {
+            if first_told.elapsed() >= HISTORY {
+                self.last_told = Some(Instant::now());
+            }
             let success = news.has(TRIAL_SUCCESS);
             self.trials.push_back(Trial { rollout: news.rollout, reward: news.reward, success });
             if self.trials.len() > TRIALS {
@@ -53,6 +64,11 @@ impl WatchedSession {
         let told = self.modes.iter().filter(|mode| mode.best_rollout > 0);
         let told = told.map(|mode| (mode.best_rollout, mode.best_reward));
         seen.chain(told).reduce(|a, b| if b.1 > a.1 { b } else { a })
+    }
+
+    /// Since the newest trial, unless it is from before anybody watched.
+    pub fn trial_age(&self) -> Option<Duration> {
+        self.last_told.map(|at| at.elapsed())
     }
 
     /// Share of successes among the last 20 trials.

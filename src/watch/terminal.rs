@@ -1,11 +1,13 @@
 //! The terminal view: its loop, its keys and the line in which a number is typed.
 
-use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
 use anyhow::Result;
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyEventKind};
-use shm_types::command::Status;
+use ratatui::crossterm::execute;
+use ratatui::crossterm::terminal::{
+    BeginSynchronizedUpdate, Clear, ClearType, EndSynchronizedUpdate,
+};
 
 use super::keys::{Action, Keys};
 use super::{Model, view};
@@ -14,6 +16,8 @@ use crate::record::watcher::{Watcher, pause};
 
 /// Between two pictures.
 const FRAME: Duration = Duration::from_millis(100);
+/// Other processes may write over the picture, such as services in the background of this terminal.
+const REPAINT: Duration = Duration::from_millis(500);
 
 /// What the bottom line asks.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,27 +33,31 @@ pub fn run(
     named: &NamedCell,
     mut model: Model,
     mut watcher: Watcher,
-    statuses: &Receiver<Status>,
     is_over: &dyn Fn() -> bool,
 ) -> Result<()> {
     let keys = Keys::new(&named.cell);
     let mut prompt = Prompt::None;
     // Restored when it is dropped, a panic included.
     let mut terminal = ratatui::init();
-    let mut drawn: Option<Instant> = None;
+    let (mut drawn, mut repainted) = (None::<Instant>, Instant::now());
     let result = loop {
         let round = Instant::now();
         let turn = || -> Result<bool> {
-            while let Some(seen) = watcher.next()? {
-                model.take(&seen);
-            }
-            model.status = statuses.try_iter().last().or(model.status);
+            model.look(&mut watcher)?;
             for answer in keys.answers() {
                 model.note(answer);
             }
             if drawn.is_none_or(|drawn| drawn.elapsed() >= FRAME) {
                 drawn = Some(Instant::now());
+                execute!(std::io::stdout(), BeginSynchronizedUpdate)?;
+                if repainted.elapsed() >= REPAINT {
+                    repainted = Instant::now();
+                    // Not `terminal.clear()`: it asks for the cursor, and not every terminal answers.
+                    execute!(std::io::stdout(), Clear(ClearType::All))?;
+                    terminal.swap_buffers();
+                }
                 terminal.draw(|frame| view::draw(frame, &model, watcher.lost, &prompt))?;
+                execute!(std::io::stdout(), EndSynchronizedUpdate)?;
             }
             let mut goes_on = true;
             while goes_on && event::poll(Duration::ZERO)? {
@@ -73,7 +81,8 @@ pub fn run(
 
 /// Reacts to a key; false when it ends the view.
 fn press(key: KeyCode, prompt: &mut Prompt, model: &Model, keys: &Keys) -> bool {
-    let (next, action) = after(key, prompt, model.status.is_some_and(|s| s.pinned == 1));
+    let is_pinned = model.vitals.status().is_some_and(|status| status.pinned == 1);
+    let (next, action) = after(key, prompt, is_pinned);
     if let Some(action) = action {
         keys.send(action);
     }

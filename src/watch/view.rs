@@ -1,5 +1,7 @@
 //! What the terminal shows.
 
+use std::time::Duration;
+
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style, Stylize};
@@ -11,9 +13,12 @@ use shm_types::command::Status;
 
 use super::session::Trial;
 use super::terminal::Prompt;
+use super::vitals::Presence;
 use super::{Model, Percentiles};
-use crate::health::{self, Health};
+use crate::health::{self, Health, SILENT};
 
+/// Trials follow each other within this time, at the wall clock, too.
+const OLD: Duration = Duration::from_secs(10);
 const PHASES: [&str; 4] = ["idle", "approach", "execute", "settle"];
 const MODE_COLUMNS: [Constraint; 5] = [
     Constraint::Length(4),
@@ -72,19 +77,32 @@ fn bottom_line(prompt: &Prompt) -> Line<'static> {
 
 /// Why the cell is not well, and who waits for what.
 fn findings(model: &Model) -> Option<String> {
-    let status = model.status.as_ref()?;
-    let findings = [health::of(status).1, health::notes(status, &model.cell)].concat();
+    let (_, mut findings) = model.vitals.health()?;
+    if let Some(status) = model.vitals.status() {
+        findings.extend(health::notes(&status, &model.cell));
+    }
     (!findings.is_empty()).then(|| findings.join("; "))
 }
 
 fn state(model: &Model, lost: u64) -> Paragraph<'static> {
     let title = Line::from(vec![" cell ".into(), model.cell.clone().bold(), " ".into()]);
     let block = Block::bordered().title(title);
-    let lines = match &model.status {
-        Some(status) => known(model, lost, status),
-        None if model.is_there => vec!["asking the controller …".into()],
-        None => vec!["no controller; waiting for one".yellow().into()],
+    let mut lines = match model.vitals.status() {
+        Some(status) => known(model, lost, &status),
+        None => Vec::new(),
     };
+    match (model.vitals.controller(), findings(model)) {
+        (Presence::Running, _) if lines.is_empty() => lines.push("asking the controller …".into()),
+        (Presence::Running, _) => {}
+        (_, finding) => {
+            // What was known of it is shown for what it is.
+            let age = model.vitals.status_age().map(|age| age.as_secs_f64());
+            let known = lines.into_iter().map(|line| line.style(Style::default().dim()));
+            let stale = age.map(|age| Line::from(format!("as it was {age:.1} s ago:")).yellow());
+            let finding = Line::from(finding.unwrap_or_default()).red().bold();
+            lines = [finding].into_iter().chain(stale).chain(known).collect();
+        }
+    }
     Paragraph::new(lines).block(block).wrap(Wrap { trim: true })
 }
 
@@ -103,9 +121,16 @@ fn known(model: &Model, lost: u64, status: &Status) -> Vec<Line<'static>> {
     };
     let (wakeup, tick) = model.times();
     let pinned = if status.pinned == 1 { " pinned" } else { "" };
-    let learner = match status.learner_age_ns {
-        u64::MAX => "none".to_string(),
-        age => format!("{:.1} s ago", age as f64 * 1e-9),
+    let heard = match model.vitals.learner_age() {
+        Some(age) => format!(", heard {:.1} s ago", age.as_secs_f64()),
+        None => String::new(),
+    };
+    let learner = format!("{}{heard}", model.vitals.learner().name());
+    let now = model.last.record.tick;
+    let ticked = match model.vitals.tick_age() {
+        Some(age) if age >= SILENT => format!("tick {now} ({:.1} s ago)", age.as_secs_f64()),
+        Some(_) => format!("tick {now}"),
+        None => "no tick yet".into(),
     };
     let fault = match status.latched_fault {
         0 => Span::from("none"),
@@ -114,7 +139,7 @@ fn known(model: &Model, lost: u64, status: &Status) -> Vec<Line<'static>> {
     let mut lines = vec![
         Line::from(vec![
             health.name().fg(color).bold(),
-            format!("  {pace}  tick {}  {phase}", model.last.record.tick).into(),
+            format!("  {pace}  {ticked}  {phase}").into(),
         ]),
         times_line(
             "wake-up",
@@ -140,7 +165,9 @@ fn known(model: &Model, lost: u64, status: &Status) -> Vec<Line<'static>> {
         ]),
     ];
     // Second, so that a narrow terminal cuts off something else.
-    if let Some(text) = findings(model) {
+    if model.vitals.controller() == Presence::Running
+        && let Some(text) = findings(model)
+    {
         lines.insert(1, Line::from(text).fg(color));
     }
     lines
@@ -169,12 +196,16 @@ fn reward(frame: &mut Frame, model: &Model, area: Rect) {
         .collect();
     let title = match model.session.best() {
         Some((rollout, reward)) => format!(
-            " reward: best {:.3} at rollout {}, {:.0} % of the last 20 succeed, {} of {} ",
+            " reward: best {:.3} at rollout {}, {:.0} % of the last 20 succeed, {} of {}{} ",
             reward,
             rollout,
             100.0 * model.session.success_last20(),
             model.session.trials.back().map_or(0, |trial| trial.rollout),
-            model.session.rollouts
+            model.session.rollouts,
+            match model.session.trial_age() {
+                Some(age) if age >= OLD => format!(", {:.0} s ago", age.as_secs_f64()),
+                _ => String::new(),
+            }
         ),
         None => " reward: no trial yet ".into(),
     };
@@ -246,8 +277,8 @@ mod tests {
     fn a_person_reads_all_that_is_to_be_done() {
         let mut model = Model::new(&Cell::new("view").unwrap());
         assert!(drawn(&model, &Prompt::None).contains("asking the controller"));
-        model.status =
-            Some(Status { latched_fault: FAULT_HELD, learner_age_ns: 0, ..Status::ZERO });
+        let status = Status { latched_fault: FAULT_HELD, learner_age_ns: 0, ..Status::ZERO };
+        model.vitals.answered(status);
         let trial = |rollout, reward| Trial { rollout, reward, success: reward > 1.0 };
         model.session.trials.extend([trial(1, 0.5), trial(2, 1.5)]);
         model.session.rollouts = 10;
@@ -258,7 +289,7 @@ mod tests {
             assert!(text.contains(part), "no '{part}' in: {text}");
         }
         assert!(drawn(&model, &Prompt::Number("12".into())).contains("policy number: 12"));
-        (model.status, model.is_there) = (None, false);
-        assert!(drawn(&model, &Prompt::None).contains("no controller"));
+        model.vitals.look(); // nobody holds a lock
+        assert!(drawn(&model, &Prompt::None).contains("no controller for"));
     }
 }

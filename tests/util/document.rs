@@ -112,7 +112,9 @@ pub fn commands(line: &str) -> Vec<Vec<String>> {
             (None, '#') if word.is_empty() => break,
             (None, ' ' | '|' | '&' | ';' | '>' | '<') => {
                 let word = std::mem::take(&mut word);
-                if !word.is_empty() && !std::mem::take(&mut redirected) {
+                // `2> file`: the number of what is redirected.
+                let is_number = c == '>' && word.chars().all(|c| c.is_ascii_digit());
+                if !word.is_empty() && !is_number && !std::mem::take(&mut redirected) {
                     commands.last_mut().expect("never empty").push(word);
                 }
                 match c {

@@ -6,7 +6,7 @@ use shm_types::policy::PolicyMsg;
 
 use super::rows::{PolicyKind, blob, insert_policy, integer, signed, vector};
 use super::{Store, StoreError, TrialRecord};
-use crate::modes::{ModeReport, assess, mode_policy_id};
+use crate::modes::{ModeReport, assess, forbidden_by, mode_policy_id};
 use crate::search::Mode;
 
 impl Store {
@@ -100,9 +100,19 @@ impl Store {
         })
     }
 
-    /// Allows every mode again.
-    pub fn allow_all(&mut self) -> Result<(), StoreError> {
-        self.transaction(|transaction| transaction.execute("DELETE FROM forbidden", []).map(drop))
+    /// Allows the mode `number`, from 1, again: every place that forbids it is forgotten.
+    pub fn allow(&mut self, number: usize) -> Result<(), StoreError> {
+        let modes: Vec<Mode> = self.modes()?.into_iter().map(|(mode, _)| mode).collect();
+        let forbids = |place: &DVector<f64>| {
+            forbidden_by(place, &modes).into_iter().any(|index| index + 1 == number)
+        };
+        let places: Vec<_> = self.forbidden()?.into_iter().filter(forbids).collect();
+        self.transaction(|transaction| {
+            for place in &places {
+                transaction.execute("DELETE FROM forbidden WHERE mean = ?1", [blob(place)])?;
+            }
+            Ok(())
+        })
     }
 
     /// Means of the forbidden modes.

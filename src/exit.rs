@@ -1,0 +1,98 @@
+//! Exit codes, the same for every command, and how an error is told.
+
+use std::ffi::OsStr;
+use std::process::ExitCode;
+
+use serde_json::{Value, json};
+use shm_types::channel::ChannelError;
+
+use crate::{output, stderr};
+
+/// How a command ended, if not by an error.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Verdict {
+    Done,
+    Negative,
+    /// Only of a command that asks for just that; for all others it is an error.
+    NoController,
+}
+
+pub const ERROR: u8 = 2;
+pub const NO_CONTROLLER: u8 = 3;
+
+/// Every code with its meaning, as the help and README.md show them.
+pub const CODES: [(u8, &str); 4] = [
+    (0, "done"),
+    (
+        1,
+        "negative verdict: interrupted, health is bad, something does not fit, differs or was lost",
+    ),
+    (ERROR, "error: usage, input, no access, refused or failed; the message says how to fix it"),
+    (NO_CONTROLLER, "no controller: there is none in the cell, or it does not answer"),
+];
+
+impl From<Verdict> for ExitCode {
+    fn from(verdict: Verdict) -> ExitCode {
+        match verdict {
+            Verdict::Done => ExitCode::SUCCESS,
+            Verdict::Negative => ExitCode::from(1),
+            Verdict::NoController => ExitCode::from(NO_CONTROLLER),
+        }
+    }
+}
+
+/// The table, below the help of the tool.
+pub fn help() -> String {
+    let rows = CODES.map(|(code, meaning)| format!("  {code}  {meaning}\n"));
+    format!(
+        "Example: skillet learn pancake --rollouts 100 --seed 3\n\nExit codes of every command:\n{}\n\
+         With --json an error is an object on standard output:\n  \
+         {{\"error\": {{\"message\": …, \"causes\": […], \"exit_code\": 2}}}}",
+        rows.concat()
+    )
+}
+
+/// Whether the command line asks for JSON, known also when it is not understood.
+fn wants_json() -> bool {
+    std::env::args_os().any(|argument| argument == OsStr::new("--json"))
+}
+
+/// The object of an error.
+pub fn object(error: &anyhow::Error) -> Value {
+    let causes: Vec<String> = error.chain().skip(1).map(ToString::to_string).collect();
+    json!({ "message": format!("{error:#}"), "causes": causes, "exit_code": code(error) })
+}
+
+fn code(error: &anyhow::Error) -> u8 {
+    let is_absence = error
+        .chain()
+        .any(|cause| cause.downcast_ref::<ChannelError>().is_some_and(ChannelError::is_absence));
+    if is_absence { NO_CONTROLLER } else { ERROR }
+}
+
+/// Tells `error`: as JSON on standard output to whoever reads JSON there, else on standard error.
+/// A service tells its log as well.
+pub fn tell(error: &anyhow::Error, is_service: bool) -> ExitCode {
+    let json = wants_json();
+    if json {
+        // With standard output closed there is nobody to tell.
+        let _ = output::print(&format!("{}\n", json!({ "error": object(error) })));
+    }
+    if !json || is_service {
+        stderr::say(&format!("skillet: {error:#}"));
+    }
+    ExitCode::from(code(error))
+}
+
+/// Tells what is wrong with the command line, or prints the help it asks for.
+pub fn usage(error: &clap::Error) -> ExitCode {
+    if error.use_stderr() && wants_json() {
+        let message = error.render().to_string();
+        let message = message.trim().trim_start_matches("error: ");
+        let object = json!({ "message": message, "causes": [], "exit_code": ERROR });
+        let _ = output::print(&format!("{}\n", json!({ "error": object })));
+        return ExitCode::from(ERROR);
+    }
+    let _ = error.print();
+    ExitCode::from(if error.use_stderr() { ERROR } else { 0 })
+}

@@ -1,0 +1,187 @@
+//! One table of exit codes for every command, and errors as JSON where a command prints JSON.
+//!
+//! A new command needs a row here: which of its uses end with which code.
+
+mod util;
+
+use std::collections::BTreeSet;
+
+use serde_json::Value;
+use util::{Bench, Running, eventually};
+
+const DONE: i32 = 0;
+const NEGATIVE: i32 = 1;
+const ERROR: i32 = 2;
+const NO_CONTROLLER: i32 = 3;
+
+/// A command, and uses of it with the code of each. `s` is a session with one mode, the cell `c1` has a
+/// controller, the cell `none` has not.
+type Row = (&'static str, &'static [(i32, &'static str)]);
+
+const ROWS: [Row; 37] = [
+    ("learn", &[(DONE, "pancake --rollouts 2 --out l"), (ERROR, "pancake --config absent.toml")]),
+    ("controller", &[(ERROR, "--cell c1"), (ERROR, "--cell UP"), (ERROR, "--config absent.toml")]),
+    ("learner", &[(DONE, "--cell c1 --session s"), (ERROR, "--session l2 --config absent.toml")]),
+    ("status", &[(DONE, "--cell c1"), (NO_CONTROLLER, "--cell none"), (ERROR, "--cell UP")]),
+    ("hold", &[(DONE, "--cell c1"), (NO_CONTROLLER, "--cell none"), (ERROR, "--cell UP")]),
+    // After the hold above.
+    ("rearm", &[(DONE, "--cell c1"), (NO_CONTROLLER, "--cell none"), (ERROR, "--cell UP")]),
+    ("policy list", &[(DONE, "s"), (DONE, "--cell none"), (ERROR, "nowhere")]),
+    ("policy show", &[(DONE, "s 1"), (ERROR, "s 999"), (ERROR, "nowhere 1")]),
+    ("policy modes", &[(DONE, "s"), (ERROR, "nowhere")]),
+    (
+        "policy forbid",
+        &[
+            (ERROR, "s 1"),
+            (ERROR, "s 9"),
+            (ERROR, "99 --cell c1"),
+            (NO_CONTROLLER, "1 --cell none"),
+        ],
+    ),
+    (
+        "policy allow",
+        &[(DONE, "s 1"), (ERROR, "s 9"), (ERROR, "99 --cell c1"), (NO_CONTROLLER, "1 --cell none")],
+    ),
+    ("policy export", &[(DONE, "s"), (ERROR, "1 --cell none")]),
+    (
+        "policy import",
+        &[(DONE, "s --cell c1"), (ERROR, "absent --cell c1"), (NO_CONTROLLER, "s --cell none")],
+    ),
+    // What the line above imported.
+    (
+        "policy activate",
+        &[(DONE, "1 --cell c1"), (ERROR, "99 --cell c1"), (NO_CONTROLLER, "1 --cell none")],
+    ),
+    ("policy pin", &[(DONE, "--cell c1"), (NO_CONTROLLER, "--cell none"), (ERROR, "--cell UP")]),
+    ("policy unpin", &[(DONE, "--cell c1"), (NO_CONTROLLER, "--cell none"), (ERROR, "--cell UP")]),
+    ("policy rollback", &[(NO_CONTROLLER, "--cell none"), (ERROR, "--cell UP")]),
+    (
+        "watch",
+        &[
+            (DONE, "--cell c1 --json --duration-s 0.1"),
+            (NO_CONTROLLER, "--cell none"),
+            (ERROR, "--cell c1"),
+        ],
+    ),
+    (
+        "record",
+        &[
+            (DONE, "--cell c1 --duration-s 0.1"),
+            (NO_CONTROLLER, "--cell none"),
+            (ERROR, "--cell c1 --out recording.bag"),
+        ],
+    ),
+    ("replay", &[(DONE, "s"), (DONE, "s --all"), (ERROR, "nowhere"), (ERROR, "s --trial 99")]),
+    (
+        "demo import",
+        &[
+            (DONE, "s/demonstration.csv --out d.csv"),
+            (NEGATIVE, "far.csv --out far-demo.csv"),
+            (ERROR, "absent.csv --out e.csv"),
+        ],
+    ),
+    ("trials", &[(DONE, "s"), (ERROR, "nowhere")]),
+    ("report", &[(DONE, "s"), (ERROR, "nowhere")]),
+    ("study", &[(DONE, ""), (ERROR, "nothing")]),
+    ("doctor", &[]),
+    ("bench tick", &[(DONE, "--seconds 0.05 --rounds 1"), (ERROR, "--seconds many")]),
+    ("bench sim", &[(ERROR, "--seconds many")]),
+    ("bench transport", &[(ERROR, "--seconds many")]),
+    ("bench latency", &[(ERROR, "--seconds many")]),
+    ("bench swap", &[(ERROR, "--swaps many")]),
+    ("soak", &[(ERROR, "--minutes 0"), (ERROR, "--minutes 1 --out file/below")]),
+    ("config", &[(DONE, ""), (ERROR, "--config absent.toml")]),
+    ("completions", &[(DONE, "bash"), (ERROR, "tcsh")]),
+    ("man", &[(DONE, "--out man"), (ERROR, "--out file/below")]),
+    // No commands of their own, but pages of the manual.
+    ("policy", &[(ERROR, "")]),
+    ("demo", &[(ERROR, "")]),
+    ("bench", &[(ERROR, "")]),
+];
+
+/// Every command there is, from the manual: one page each.
+fn commands(bench: &Bench) -> BTreeSet<String> {
+    bench.ok(&["man", "--out", "man"]);
+    let pages = std::fs::read_dir(bench.path("man")).unwrap().flatten();
+    let names = pages.map(|page| page.file_name().to_string_lossy().into_owned());
+    let names = names
+        .filter_map(|name| name.strip_suffix(".1")?.strip_prefix("skillet-").map(str::to_string));
+    names.map(|name| name.replace('-', " ")).collect()
+}
+
+fn words<'a>(command: &'a str, rest: &'a str) -> Vec<&'a str> {
+    command.split(' ').chain(rest.split_whitespace()).collect()
+}
+
+fn setting() -> (Bench, Running) {
+    let bench = Bench::new();
+    bench.ok(&["learn", "pancake", "--rollouts", "3", "--out", "s"]);
+    bench.write("file", "");
+    // At rest, and then out of reach.
+    let row = |i: usize| {
+        let x = 0.78 + 0.02 * (i.saturating_sub(20)) as f64;
+        format!("{:.2},{x},0.0,0.72,0.0\n", i as f64 * 0.01)
+    };
+    let rows: String = (0..100).map(row).collect();
+    bench.write("far.csv", &format!("t_s,x_m,y_m,z_m,pitch_rad\n{rows}"));
+    let controller = bench.start(&["controller", "--cell", "c1", "--pace", "max"]);
+    eventually("a controller", || {
+        bench.run(&["status", "--cell", "c1"]).status.success().then_some(())
+    });
+    (bench, controller)
+}
+
+#[test]
+fn every_command_ends_with_the_codes_of_the_table() {
+    let (bench, _controller) = setting();
+    let in_table: BTreeSet<String> = ROWS.iter().map(|(command, _)| command.to_string()).collect();
+    assert_eq!(commands(&bench), in_table, "every command has a row in this test");
+    for (command, uses) in ROWS {
+        let help = bench.ok(&words(command, "--help"));
+        let has_json = help.contains("--json");
+        let unknown = [(ERROR, "--no-such-flag")];
+        for (code, rest) in uses.iter().chain(&unknown) {
+            let arguments = words(command, rest);
+            let output = bench.run(&arguments);
+            let said = util::stderr(&output);
+            assert_eq!(output.status.code(), Some(*code), "{arguments:?}: {said}");
+            assert!(!said.contains("panicked"), "{arguments:?}: {said}");
+            if has_json && *code >= ERROR {
+                as_json(&bench, &arguments, *code);
+            }
+        }
+    }
+}
+
+/// The same failure with `--json`: an object, and nothing else on standard output.
+fn as_json(bench: &Bench, arguments: &[&str], code: i32) {
+    // With it `watch` needs no terminal, and does not end.
+    if arguments == ["watch", "--cell", "c1"] {
+        return;
+    }
+    let output = bench.run(&[arguments, &["--json"]].concat());
+    assert_eq!(output.status.code(), Some(code), "{arguments:?} --json");
+    let text = String::from_utf8(output.stdout.clone()).unwrap();
+    let told: Value = serde_json::from_str(&text)
+        .unwrap_or_else(|error| panic!("{arguments:?} --json said '{text}': {error}"));
+    assert_eq!(told["error"]["exit_code"], code, "{arguments:?}: {told}");
+    let message = told["error"]["message"].as_str().unwrap();
+    assert!(message.len() > 10 && told["error"]["causes"].is_array(), "{arguments:?}: {told}");
+    if arguments[0] != "learner" {
+        assert_eq!(util::stderr(&output), "", "{arguments:?}");
+    }
+}
+
+#[test]
+fn the_readme_and_the_help_have_the_same_table() {
+    let help = Bench::new().ok(&["--help"]);
+    let table = help.split("Exit codes of every command:\n").nth(1).unwrap();
+    let rows: Vec<(&str, &str)> =
+        table.lines().map_while(|line| line.trim().split_once("  ")).collect();
+    assert_eq!(rows.len(), 4, "{help}");
+    let readme = include_str!("../README.md");
+    for (code, meaning) in rows {
+        let row = format!("| {code} | {meaning} |");
+        assert!(readme.contains(&row), "README.md has no row `{row}`");
+    }
+}
