@@ -175,7 +175,9 @@ fn tables_as_others_write_them_are_read_and_other_files_named() {
     let rows: String =
         (0..60).map(|k| format!("{},{:02};0,78;0;0,72;0\r\n", k / 100, k % 100)).collect();
     bench.write("rec.csv", &format!("t_s;x_m;y_m;z_m;pitch_rad\r\n{rows}"));
-    let import = |more: &[&str]| [&["demo", "import"][..], more].concat();
+    fn import<'a>(more: &[&'a str]) -> Vec<&'a str> {
+        [&["demo", "import"][..], more].concat()
+    }
     let said = bench.ok(&import(&["rec.csv", "--out", "d.csv"]));
     assert!(said.contains("UTF-8, semicolons, decimal comma"), "{said}");
 
