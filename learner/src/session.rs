@@ -211,10 +211,15 @@ impl Link {
                 self.publish(policy)?;
                 asked = Instant::now();
             }
-            // A failed wait must not turn the loop into a spin.
-            if self.ports.episode_sent.timed_wait(|_| {}, WAIT).is_err() {
-                std::thread::sleep(WAIT);
-            }
+            self.wait();
+        }
+    }
+
+    /// For an episode, or a moment.
+    fn wait(&self) {
+        // A failed wait must not turn the loop into a spin.
+        if self.ports.episode_sent.timed_wait(|_| {}, WAIT).is_err() {
+            std::thread::sleep(WAIT);
         }
     }
 
