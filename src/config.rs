@@ -62,6 +62,19 @@ pub struct MetricsConfig {
     pub listen: Option<SocketAddr>,
 }
 
+impl MetricsConfig {
+    /// Nothing of Skillet is offered to a network.
+    pub fn check(address: SocketAddr) -> Result<()> {
+        if !address.ip().is_loopback() {
+            bail!(
+                "metrics.listen is {address}: use a loopback address, as 127.0.0.1:9464, and a \
+                 proxy of your own for others to see it"
+            );
+        }
+        Ok(())
+    }
+}
+
 /// The simulated arm, pan and pancake.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -260,7 +273,7 @@ impl Config {
             bail!("log.format is '{}': use text or json", self.log.format);
         }
         if let Some(address) = self.metrics.listen {
-            crate::metrics::check(address)?;
+            MetricsConfig::check(address)?;
         }
         self.plant.validate()?;
         self.plant.world(self.controller.period_s()).check().context("plant")?;

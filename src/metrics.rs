@@ -12,7 +12,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use anyhow::{Result, anyhow, bail};
+use anyhow::{Result, anyhow};
 use learning::Learning;
 use prometheus_client::encoding::text::encode;
 use prometheus_client::metrics::counter::ConstCounter;
@@ -23,6 +23,7 @@ use shm_types::command::Status;
 use shm_types::ports::ToolPorts;
 use tiny_http::{Header, Method, Response, Server};
 
+use crate::config::MetricsConfig;
 use crate::health;
 
 /// A scraper waits a few seconds at most.
@@ -39,7 +40,7 @@ pub struct Endpoint {
 
 impl Endpoint {
     pub fn start(address: SocketAddr, cell: &Cell) -> Result<Endpoint> {
-        check(address)?;
+        MetricsConfig::check(address)?;
         let server = Server::http(address)
             .map_err(|error| anyhow!("metrics.listen {address}: {error}; choose another port"))?;
         let bound = server.server_addr();
@@ -67,17 +68,6 @@ impl Drop for Endpoint {
             let _ = thread.join();
         }
     }
-}
-
-/// Nothing of Skillet is offered to a network.
-pub fn check(address: SocketAddr) -> Result<()> {
-    if !address.ip().is_loopback() {
-        bail!(
-            "metrics.listen is {address}: use a loopback address, as 127.0.0.1:9464, and a proxy of \
-             your own for others to see it"
-        );
-    }
-    Ok(())
 }
 
 fn answer(request: tiny_http::Request, cell: &Cell, learning: &Learning) {
@@ -192,17 +182,6 @@ fn durations(status: &Status) -> Vec<(&'static str, &'static str, u64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn nothing_but_loopback_is_listened_on() {
-        for good in ["127.0.0.1:9464", "[::1]:0"] {
-            check(good.parse().unwrap()).unwrap();
-        }
-        for bad in ["0.0.0.0:9464", "192.168.1.5:80", "[::]:9464"] {
-            let message = check(bad.parse().unwrap()).unwrap_err().to_string();
-            assert!(message.contains(bad) && message.contains("127.0.0.1"), "{message}");
-        }
-    }
 
     #[test]
     fn the_text_is_what_prometheus_reads() {

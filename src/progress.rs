@@ -16,7 +16,8 @@ pub struct TrialLine {
     pub rollout: u64,
     pub reward: f64,
     pub success: bool,
-    pub best_reward: f64,
+    /// `None` before the first rewarded trial.
+    pub best_reward: Option<f64>,
     pub successes: u64,
     pub first_success: Option<u64>,
     /// Why the controller refused its policy, where it did.
@@ -31,7 +32,7 @@ impl TrialLine {
             rollout: summary.trials,
             reward: 0.0,
             success: false,
-            best_reward: summary.best_reward,
+            best_reward: summary.best_rollout.map(|_| summary.best_reward),
             successes: summary.successes,
             first_success: summary.first_success,
             refused: None,
@@ -42,7 +43,10 @@ impl TrialLine {
         self.rollout = trial.rollout;
         self.reward = trial.reward;
         self.success = trial.success;
-        self.best_reward = self.best_reward.max(trial.reward);
+        if !trial.set_aside {
+            let best = self.best_reward.map_or(trial.reward, |best| best.max(trial.reward));
+            self.best_reward = Some(best);
+        }
         if trial.success {
             self.successes += 1;
             self.first_success = self.first_success.or(Some(trial.rollout));
@@ -94,7 +98,8 @@ impl Progress {
                  further ones are in learner.log"
             ));
         }
-        let mut message = format!("reward {:.3}  best {:.3}", trial.reward, trial.best_reward);
+        let best = trial.best_reward.map_or("none".into(), |best| format!("{best:.3}"));
+        let mut message = format!("reward {:.3}  best {best}", trial.reward);
         if self.has_flips {
             let first = trial.first_success.map_or(String::new(), |n| format!(" (first {n})"));
             message += &format!("  flips {}{first}", trial.successes);

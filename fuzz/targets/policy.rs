@@ -19,6 +19,9 @@ use shm_types::policy::PolicyMsg;
 use shm_types::policy_json::{from_json, to_json};
 use skillet_fuzz::{patched, split, springs, wam};
 
+/// Number of the first measurement the fuzzer chooses.
+const DRIVEN: u64 = 100_000;
+
 static ARM: LazyLock<ArmModel> = LazyLock::new(wam);
 static EXECUTING: LazyLock<Controller<'static>> = LazyLock::new(executing);
 
@@ -26,9 +29,10 @@ fn config() -> ControllerConfig {
     ControllerConfig { blend_s: 0.0, approach_s: 0.01, ..Default::default() }
 }
 
-fn measured(q: JointVector, qd: JointVector) -> Measurement {
+/// The `sample`-th measurement: a number seen before is no new one.
+fn measured(q: JointVector, qd: JointVector, sample: u64) -> Measurement {
     let still = IdealArm::new(&ARM, &WAM7_START_POSTURE, 1e-3, 0.01).measure();
-    Measurement { q, qd, object: still.object }
+    Measurement { q, qd, object: still.object, sample }
 }
 
 /// A controller in the midst of a rollout: a policy swapped in acts at once.
@@ -36,11 +40,15 @@ fn executing() -> Controller<'static> {
     let mut controller =
         Controller::new(&ARM, &WAM7_START_POSTURE, &config(), &OutcomeConfig::default());
     controller.start(&Policy::new(&springs()), &WAM7_START_POSTURE);
-    while controller.phase() != Phase::Execute {
-        let still = measured(WAM7_START_POSTURE, JointVector::zeros());
+    for sample in 0..DRIVEN {
+        if controller.phase() == Phase::Execute {
+            break;
+        }
+        let still = measured(WAM7_START_POSTURE, JointVector::zeros(), sample);
         let mut record = TickRecord::ZERO;
         controller.tick(&still, &mut record);
     }
+    assert_eq!(controller.phase(), Phase::Execute);
     controller
 }
 
@@ -49,7 +57,7 @@ fn drive(policy: &Policy, states: &[u8]) {
     let step = config().torque_rate * config().period_s();
     let mut last: Option<JointVector> = None;
     controller.swap(policy);
-    for state in states.chunks_exact(14).take(16) {
+    for (state, sample) in states.chunks_exact(14).take(16).zip(DRIVEN..) {
         let unit = |byte: u8| f64::from(byte) / 127.5 - 1.0;
         let q = JointVector::from_fn(|i, _| {
             let (min, max) = (bounds.q_min[i], bounds.q_max[i]);
@@ -57,7 +65,7 @@ fn drive(policy: &Policy, states: &[u8]) {
         });
         let qd = JointVector::from_fn(|i, _| bounds.qd_max[i] * unit(state[7 + i]) * 2.2);
         let mut record = TickRecord::ZERO;
-        let tau = controller.tick(&measured(q, qd), &mut record);
+        let tau = controller.tick(&measured(q, qd, sample), &mut record);
         for i in 0..7 {
             assert!(tau[i].is_finite() && tau[i].abs() <= bounds.tau_max[i], "{i}: {}", tau[i]);
             let change = last.map_or(0.0, |last| (tau[i] - last[i]).abs());

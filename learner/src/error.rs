@@ -19,6 +19,9 @@ pub enum LearnerError {
     Directions(#[from] DirectionsError),
     #[error(transparent)]
     Store(#[from] StoreError),
+    /// No other rollout would fare better: the session cannot go on.
+    #[error("{0}; a session keeps its settings, so start another one with --out")]
+    Reward(TellError),
     #[error(
         "rollout {rollout} cannot be reproduced from the stored session: resume it with the program \
          that wrote it, or start another one with --out"
@@ -49,9 +52,18 @@ pub enum CompleteError {
     #[error("rollout {rollout} was cut short by a fault of the machine")]
     MachineFault { rollout: u64 },
     #[error(transparent)]
-    Tell(#[from] TellError),
+    Tell(TellError),
     #[error(transparent)]
     Learner(LearnerError),
+}
+
+impl From<TellError> for CompleteError {
+    fn from(error: TellError) -> CompleteError {
+        match error {
+            TellError::Reward { .. } => CompleteError::Learner(LearnerError::Reward(error)),
+            other => CompleteError::Tell(other),
+        }
+    }
 }
 
 /// Why an episode with this fault is no trial: the policy was never tried. Other faults during the

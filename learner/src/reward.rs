@@ -108,7 +108,8 @@ impl RewardConfig {
         ]
     }
 
-    /// The reward of an outcome: finite and never negative, whatever was measured.
+    /// The reward of an outcome: finite, whatever was measured. That of `value` is as negative as
+    /// what the world measures; the others are sums of terms that are not.
     pub fn reward(&self, outcome: &OutcomeMsg) -> f64 {
         if outcome.fields().iter().any(|(_, value)| !value.is_finite()) || is_exploit(outcome) {
             return 0.0;
@@ -119,7 +120,7 @@ impl RewardConfig {
             RewardKind::Distance => (-self.lambda * outcome.value.max(0.0)).exp(),
             RewardKind::Catch => self.catch.reward(outcome),
         };
-        reward.clamp(0.0, f64::MAX)
+        reward.clamp(f64::MIN, f64::MAX)
     }
 
     /// Sec. 3.1, reward: r = w₁ arccos(V₀·V)/π + w₂ exp(−‖X − x‖) + w₃ X₃ᵐᵃˣ at the moment the
@@ -249,9 +250,11 @@ mod tests {
         let of = |kind| RewardConfig { kind, ..Default::default() }.reward(&outcome);
         assert_eq!(of(RewardKind::Value), 0.25);
         assert_eq!(of(RewardKind::Distance), (-0.75_f64).exp());
-        let negative = OutcomeMsg { value: -1.0, ..outcome };
         let value = RewardConfig { kind: RewardKind::Value, ..Default::default() };
-        assert_eq!(value.reward(&negative), 0.0);
+        for value_measured in [-1.0, -1e-300, f64::MIN] {
+            let negative = OutcomeMsg { value: value_measured, ..outcome };
+            assert_eq!(value.reward(&negative), value_measured, "it is a reward like any other");
+        }
     }
 
     #[test]

@@ -42,7 +42,9 @@ impl Summary {
     pub fn of(trials: &[TrialRecord]) -> Self {
         let late = &trials[trials.len().saturating_sub(LATE_TRIALS)..];
         let count = |trials: &[TrialRecord]| trials.iter().filter(|t| t.success()).count();
-        let best = trials.iter().reduce(|a, b| if b.reward > a.reward { b } else { a });
+        // What was set aside was not rewarded: its 0 is none, and may be above all others.
+        let rewarded = trials.iter().filter(|trial| !trial.set_aside);
+        let best = rewarded.reduce(|a, b| if b.reward > a.reward { b } else { a });
         Summary {
             trials: trials.len() as u64,
             successes: count(trials) as u64,

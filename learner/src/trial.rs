@@ -9,7 +9,7 @@ pub struct Proposal {
     pub theta: DVector<f64>,
 }
 
-/// The pair (θ, r) the learner keeps of a rollout; r is finite and not negative.
+/// The pair (θ, r) the learner keeps of a rollout; r is finite.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trial {
     pub rollout: u64,

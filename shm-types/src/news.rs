@@ -9,6 +9,8 @@ use crate::SCHEMA;
 pub const TRIAL_HISTORY: usize = 128;
 /// Modes in one message: those with the largest priors.
 pub const MAX_MODES: usize = 8;
+/// No reward: those may be negative.
+pub const TOLERANCE_UNKNOWN: f64 = f64::MIN;
 
 /// Bits of [`TrialNews::flags`].
 pub const TRIAL_SUCCESS: u64 = 1;
@@ -22,7 +24,7 @@ message! {
         /// Best of its trials; rollout 0 when it has none.
         pub best_rollout: u64,
         pub best_reward: f64,
-        /// Expected reward under noise; negative where nothing is known.
+        /// Expected reward under noise; [`TOLERANCE_UNKNOWN`] where nothing is known.
         pub tolerance: f64,
         /// 1: it must not be used.
         pub forbidden: u64,
@@ -66,9 +68,14 @@ impl ModeNews {
         n_trials: 0,
         best_rollout: 0,
         best_reward: 0.0,
-        tolerance: -1.0,
+        tolerance: TOLERANCE_UNKNOWN,
         forbidden: 0,
     };
+
+    /// Expected reward under noise, where it is known.
+    pub fn tolerance(&self) -> Option<f64> {
+        (self.tolerance != TOLERANCE_UNKNOWN).then_some(self.tolerance)
+    }
 
     fn is_finite(&self) -> bool {
         [self.prior, self.best_reward, self.tolerance].iter().all(|value| value.is_finite())

@@ -52,7 +52,10 @@ pub fn run(args: &StudyArgs) -> Result<Verdict> {
 
 fn as_text(table: &Table) -> String {
     let last = table.first_seed + table.seeds - 1;
-    let mut text = format!("{}: seeds {}–{last}\n", table.study, table.first_seed);
+    let mut text = format!(
+        "{}: seeds {}–{last}; value [95 % interval]  range over the seeds\n",
+        table.study, table.first_seed
+    );
     let width = |f: fn(&study::Row) -> &str| {
         table.rows.iter().map(|row| f(row).chars().count()).max().unwrap_or(0)
     };
@@ -61,8 +64,9 @@ fn as_text(table: &Table) -> String {
         |value: Option<f64>| value.map_or("–".to_string(), |value| format!("{value:.3}"));
     for row in &table.rows {
         let (value, low, high) = (number(row.value), number(row.low95), number(row.high95));
+        let (min, max) = (number(row.min), number(row.max));
         text += &format!(
-            "{:method$}  {:metric$}  {value:>8}  [{low}, {high}]\n",
+            "{:method$}  {:metric$}  {value:>8}  [{low}, {high}]  {min} to {max}\n",
             row.method, row.metric
         );
     }
@@ -71,6 +75,6 @@ fn as_text(table: &Table) -> String {
 
 /// Name and purpose of every study, a line each.
 fn list() -> String {
-    let line = |study: &study::Study| format!("  {:14} {}\n", study.name, study.about);
+    let line = |study: &study::Study| format!("  {:18} {}\n", study.name, study.about);
     STUDIES.iter().map(line).collect()
 }

@@ -43,3 +43,14 @@ fn ranges_name_the_field() {
     let message = format!("{:#}", config.validate().unwrap_err());
     assert!(message.contains("plant.friction is -0.1"), "{message}");
 }
+
+#[test]
+fn nothing_but_loopback_is_listened_on() {
+    for good in ["127.0.0.1:9464", "[::1]:0"] {
+        MetricsConfig::check(good.parse().unwrap()).unwrap();
+    }
+    for bad in ["0.0.0.0:9464", "192.168.1.5:80", "[::]:9464"] {
+        let message = MetricsConfig::check(bad.parse().unwrap()).unwrap_err().to_string();
+        assert!(message.contains(bad) && message.contains("127.0.0.1"), "{message}");
+    }
+}

@@ -92,7 +92,7 @@ impl Mixture {
             n_trials: mode.n_trials,
             best_rollout: mode.best_rollout,
             best_reward: mode.best_reward,
-            tolerance: (mode.tolerance >= 0.0).then_some(mode.tolerance),
+            tolerance: mode.tolerance(),
             forbidden: mode.forbidden != 0,
             mean: Vec::new(),
             covariance: Vec::new(),

@@ -70,8 +70,14 @@ pub const STUDIES: &[Study] = &[
     table_of(
         "pancake",
         "pancake flipping from 100 rollouts, and how robust the answer is",
-        1,
+        2,
         pancake::run_seed,
+    ),
+    table_of(
+        "pancake-variants",
+        "the same with other noise, another reward, a wrong model, another pancake each time",
+        1,
+        pancake::run_variants,
     ),
     table_of("landscape", "the mixtures on the landscape, without a box", 2, landscape::run_seed),
     table_of("drift", "a landscape that changes, with and without forgetting", 2, drift::run_seed),
@@ -79,7 +85,7 @@ pub const STUDIES: &[Study] = &[
     table_of(
         "comparison",
         "every method with tuned settings, on landscape and skittles",
-        3,
+        4,
         comparison::run_seed,
     ),
     table_of(
@@ -88,7 +94,7 @@ pub const STUDIES: &[Study] = &[
         1,
         cost::run_seed,
     ),
-    table_of("tune", "the settings drawn for each method of the comparison", 1, tune::run_seed),
+    table_of("tune", "the settings drawn for each method of the comparison", 2, tune::run_seed),
     table_of("niching", "all optima of the CEC 2013 functions F1 to F10", 2, niching::run_seed),
     table_of(
         "regions",

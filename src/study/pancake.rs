@@ -46,8 +46,10 @@ struct Method {
 
 const PLAIN: Method = Method { name: "", config: |_| {}, perturbed: false, wrong_mass: false };
 
-const METHODS: &[Method] = &[
-    Method { name: "demonstration", ..PLAIN },
+/// The default of `skillet learn pancake`.
+const DEFAULT: Method = Method { name: "demonstration", ..PLAIN };
+
+const VARIANTS: &[Method] = &[
     Method { name: "white", config: white, ..PLAIN },
     Method { name: "paper", config: paper, ..PLAIN },
     Method { name: "wrong mass", wrong_mass: true, ..PLAIN },
@@ -85,8 +87,12 @@ fn paper(config: &mut LearnerConfig) {
 }
 
 pub fn run_seed(seed: u64) -> Result<Vec<Sample>> {
+    run_method(&DEFAULT, seed)
+}
+
+pub fn run_variants(seed: u64) -> Result<Vec<Sample>> {
     let mut samples = Vec::new();
-    for method in METHODS {
+    for method in VARIANTS {
         samples.extend(run_method(method, seed)?);
     }
     Ok(samples)
@@ -113,6 +119,8 @@ fn run_method(method: &Method, seed: u64) -> Result<Vec<Sample>> {
         Sample::rate(name, "success by 100", first.is_some()),
         Sample::rate(name, "success by 45", first.is_some_and(|first| first <= EARLY)),
         Sample::mean(name, "success in the last 20", late_rate),
+        Sample::median(name, "success in the last 20, median", late_rate),
+        Sample::rate(name, "success in the last 20 below half", late_rate < 0.5),
         Sample::mean(name, "robustness", robust as f64 / N_PERTURBED as f64),
     ])
 }

@@ -16,6 +16,9 @@ pub struct Row {
     pub value: Option<f64>,
     pub low95: Option<f64>,
     pub high95: Option<f64>,
+    /// Of all seeds.
+    pub min: Option<f64>,
+    pub max: Option<f64>,
 }
 
 /// One row a (method, metric), in the order in which they first appear.
@@ -30,14 +33,18 @@ pub fn rows(samples: &[Sample]) -> Vec<Row> {
             None => groups.push((sample, vec![sample.value])),
         }
     }
+    let finite = |value: f64| Some(value).filter(|value| value.is_finite());
     let row = |(first, values): (&Sample, Vec<f64>)| {
+        let min = finite(values.iter().copied().fold(f64::INFINITY, f64::min));
+        let max = finite(values.iter().copied().fold(f64::NEG_INFINITY, f64::max));
         let [value, low95, high95] = match first.statistic {
             Statistic::Rate => wilson(&values),
             Statistic::Mean => mean(&values),
             Statistic::Median => median(values),
         }
-        .map(|value| Some(value).filter(|value| value.is_finite()));
-        Row { method: first.method.clone(), metric: first.metric.clone(), value, low95, high95 }
+        .map(finite);
+        let (method, metric) = (first.method.clone(), first.metric.clone());
+        Row { method, metric, value, low95, high95, min, max }
     };
     groups.into_iter().map(row).collect()
 }
@@ -99,5 +106,6 @@ mod tests {
             first.iter().map(|value| Sample::median("m", "first success", *value)).collect();
         let table = rows(&samples);
         assert_eq!((table.len(), table[0].value, table[0].low95), (1, None, Some(3.0)));
+        assert_eq!((table[0].min, table[0].max), (Some(3.0), None), "one seed never had it");
     }
 }

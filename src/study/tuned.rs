@@ -6,7 +6,7 @@ use super::comparison::Task;
 /// Name of the contender; settings for the landscape, the landscape in its box, the skittles.
 const CHOSEN: [(&str, [u64; 3]); 9] = [
     ("random", [15, 0, 0]),
-    ("PoWER", [24, 24, 28]),
+    ("PoWER", [24, 24, 26]),
     ("CEM", [7, 7, 14]),
     ("PI2-CMA", [2, 14, 4]),
     ("RWR", [37, 9, 17]),

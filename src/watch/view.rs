@@ -212,6 +212,7 @@ fn reward(frame: &mut Frame, model: &Model, area: Rect) {
     let first = all.first().map_or(0.0, |(rollout, _)| *rollout);
     let last = (model.session.rollouts as f64).max(first + 1.0);
     let top = if best_so_far > 0.0 { 1.05 * best_so_far } else { 1.0 };
+    let bottom = all.iter().map(|(_, reward)| 1.05 * reward).fold(0.0, f64::min);
     let dots = |name, data, color| {
         let style = Style::default().fg(color);
         Dataset::default().name(name).marker(Marker::Braille).style(style).data(data)
@@ -227,7 +228,7 @@ fn reward(frame: &mut Frame, model: &Model, area: Rect) {
     let chart = Chart::new(sets)
         .block(Block::bordered().title(title))
         .x_axis(Axis::default().bounds([first, last]).labels(labels(first, last, 0)))
-        .y_axis(Axis::default().bounds([0.0, top]).labels(labels(0.0, top, 1)));
+        .y_axis(Axis::default().bounds([bottom, top]).labels(labels(bottom, top, 1)));
     frame.render_widget(chart, area);
 }
 
@@ -237,9 +238,9 @@ fn modes_table(model: &Model) -> Table<'static> {
             0 => "none".into(),
             rollout => format!("{:.3} at {rollout}", mode.best_reward),
         };
-        let tolerance = match mode.tolerance < 0.0 {
-            true => "unknown".into(),
-            false => format!("{:.3}", mode.tolerance),
+        let tolerance = match mode.tolerance() {
+            None => "unknown".into(),
+            Some(tolerance) => format!("{tolerance:.3}"),
         };
         let cells = [
             format!("{}", i + 1),

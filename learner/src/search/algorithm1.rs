@@ -9,7 +9,7 @@ use super::gaussian::Gaussian;
 use super::mixture::{About, EmStep, Mixture};
 use super::normals::stream;
 use super::split_merge::{Split, merge, split};
-use super::{Bounds, Mode, Search, SearchSnapshot, Space};
+use super::{Mode, RewardError, Search, SearchSnapshot, Space, rewards};
 use crate::range::{Range, range};
 use crate::trial::{Proposal, Trial};
 
@@ -81,17 +81,20 @@ pub struct Event {
 pub struct Algorithm1 {
     config: Algorithm1Config,
     seed: u64,
-    bounds: Option<Bounds>,
+    space: Space,
     mixture: Mixture,
+    /// Centre of the dominant component, in the box: a split of Eq. (9) may put it outside.
+    mean: DVector<f64>,
     trials: Vec<Trial>,
     last_event: Event,
 }
 
 impl Algorithm1 {
     pub fn new(config: Algorithm1Config, seed: u64, space: Space) -> Self {
-        let mixture = Mixture::single(Gaussian::isotropic(space.theta_0, config.initial_variance));
-        let (bounds, trials, last_event) = (space.bounds, Vec::new(), Event::default());
-        Algorithm1 { config, seed, bounds, mixture, trials, last_event }
+        let mean = space.inside(space.theta_0.clone());
+        let mixture = Mixture::single(Gaussian::isotropic(mean.clone(), config.initial_variance));
+        let (trials, last_event) = (Vec::new(), Event::default());
+        Algorithm1 { config, seed, space, mixture, mean, trials, last_event }
     }
 
     pub fn mixture(&self) -> &Mixture {
@@ -153,12 +156,16 @@ impl Search for Algorithm1 {
     /// Line 2, as [`Mixture::sample`].
     fn ask(&self, rollout: u64) -> Proposal {
         let mut rng = stream(self.seed, rollout);
-        Proposal { rollout, theta: self.mixture.sample(&mut rng, self.bounds.as_ref()) }
+        Proposal { rollout, theta: self.mixture.sample(&mut rng, self.space.bounds.as_ref()) }
+    }
+
+    fn check_reward(&self, reward: f64) -> Result<(), RewardError> {
+        rewards::not_negative(reward, "algorithm1 weights trials by their rewards")
     }
 
     /// Lines 3–21.
     fn tell(&mut self, trial: &Trial) {
-        assert!(trial.reward.is_finite() && trial.reward >= 0.0, "reward {}", trial.reward);
+        self.check_reward(trial.reward).expect("the reward was checked");
         self.trials.push(trial.clone());
         let mut event = Event::default();
         if self.trials.len() >= self.config.n_initial {
@@ -172,21 +179,23 @@ impl Search for Algorithm1 {
             self.try_merge(&mut event);
         }
         self.last_event = event;
+        self.mean = self.space.inside(self.mixture.dominant().gaussian.mean().clone());
     }
 
     fn mean(&self) -> &DVector<f64> {
-        self.mixture.dominant().gaussian.mean()
+        &self.mean
     }
 
     fn snapshot(&self, _rollout: u64) -> SearchSnapshot {
         let dominant = &self.mixture.dominant().gaussian;
         let std = dominant.covariance().diagonal().map(f64::sqrt);
         let floor = self.config.floor_variance.sqrt();
-        SearchSnapshot { mean: dominant.mean().clone(), std, floor }
+        SearchSnapshot { mean: self.mean.clone(), std, floor }
     }
 
     fn modes(&self) -> Vec<Mode> {
-        self.mixture.modes()
+        let inside = |mode: Mode| Mode { mean: self.space.inside(mode.mean), ..mode };
+        self.mixture.modes().into_iter().map(inside).collect()
     }
 }
 

@@ -5,14 +5,14 @@ use std::collections::BTreeSet;
 use nalgebra::DVector;
 use thiserror::Error;
 
-use super::{Mode, Search, SearchSnapshot};
+use super::{Mode, RewardError, Search, SearchSnapshot};
 use crate::trial::{Proposal, Trial};
 
 /// Why a trial was not learnt. Nothing has changed; the session goes on.
 #[derive(Debug, Error, PartialEq)]
 pub enum TellError {
-    #[error("trial {rollout}: its reward is {reward}; rewards are finite and not negative")]
-    Reward { rollout: u64, reward: f64 },
+    #[error("trial {rollout}: {why}")]
+    Reward { rollout: u64, why: RewardError },
     #[error("trial {rollout}: θ has {found} numbers instead of {expected}")]
     Dimension { rollout: u64, found: usize, expected: usize },
     #[error("trial {rollout}: θ is not finite")]
@@ -47,7 +47,7 @@ impl AskTell {
     }
 
     pub fn tell(&mut self, trial: &Trial) -> Result<(), TellError> {
-        let Trial { rollout, reward, .. } = *trial;
+        let rollout = trial.rollout;
         if self.told.contains(&rollout) {
             return Err(TellError::Duplicate { rollout });
         }
@@ -61,9 +61,8 @@ impl AskTell {
         if !trial.theta.iter().all(|value| value.is_finite()) {
             return Err(TellError::Theta { rollout });
         }
-        if !(reward.is_finite() && reward >= 0.0) {
-            return Err(TellError::Reward { rollout, reward });
-        }
+        let checked = self.search.check_reward(trial.reward);
+        checked.map_err(|why| TellError::Reward { rollout, why })?;
         self.in_flight.remove(&rollout);
         self.told.insert(rollout);
         self.search.tell(trial);
@@ -101,7 +100,7 @@ mod tests {
     fn bad_trials_are_named_and_change_nothing() {
         let mut desk = desk();
         let next = desk.ask(2);
-        for reward in [f64::NAN, f64::INFINITY, -1.0] {
+        for reward in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
             let error = desk.tell(&trial(2, reward)).unwrap_err().to_string();
             assert!(error.contains("trial 2: its reward is"), "{error}");
         }

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::normals::{standard_normal, stream};
 use super::power::by_reward;
-use super::{Bounds, Search, SearchSnapshot, Space};
+use super::{RewardError, Search, SearchSnapshot, Space, rewards};
 use crate::range::{Range, range};
 use crate::trial::{Proposal, Trial};
 
@@ -112,6 +112,11 @@ impl FactorGaussian {
 pub trait Update: Send {
     fn batch(&self) -> &BatchConfig;
 
+    /// As [`Search::check_reward`].
+    fn check_reward(&self, reward: f64) -> Result<(), RewardError> {
+        rewards::finite(reward)
+    }
+
     /// The distribution after `gaussian`, from a batch with unequal rewards, best trial first.
     fn update(&self, gaussian: &FactorGaussian, trials: &[Trial], floor: f64) -> FactorGaussian;
 }
@@ -120,7 +125,7 @@ pub trait Update: Send {
 pub struct BatchSearch<U> {
     method: U,
     seed: u64,
-    bounds: Option<Bounds>,
+    space: Space,
     gaussian: FactorGaussian,
     /// Trials told since the last update.
     batch: Vec<Trial>,
@@ -129,13 +134,9 @@ pub struct BatchSearch<U> {
 
 impl<U: Update> BatchSearch<U> {
     pub fn new(method: U, seed: u64, space: Space) -> Self {
-        let gaussian = FactorGaussian::isotropic(space.theta_0, method.batch().initial_std);
-        let bounds = space.bounds;
-        BatchSearch { method, seed, bounds, gaussian, batch: Vec::new(), n_updates: 0 }
-    }
-
-    fn inside(&self, theta: &DVector<f64>) -> DVector<f64> {
-        self.bounds.as_ref().map_or_else(|| theta.clone(), |bounds| bounds.clamp(theta))
+        let initial_std = method.batch().initial_std;
+        let gaussian = FactorGaussian::isotropic(space.theta_0.clone(), initial_std);
+        BatchSearch { method, seed, space, gaussian, batch: Vec::new(), n_updates: 0 }
     }
 }
 
@@ -145,11 +146,15 @@ impl<U: Update> Search for BatchSearch<U> {
             1 => self.gaussian.mean.clone(),
             _ => self.gaussian.sample(self.seed, rollout),
         };
-        Proposal { rollout, theta: self.inside(&theta) }
+        Proposal { rollout, theta: self.space.inside(theta) }
+    }
+
+    fn check_reward(&self, reward: f64) -> Result<(), RewardError> {
+        self.method.check_reward(reward)
     }
 
     fn tell(&mut self, trial: &Trial) {
-        assert!(trial.reward.is_finite() && trial.reward >= 0.0, "reward {}", trial.reward);
+        self.check_reward(trial.reward).expect("the reward was checked");
         self.batch.push(trial.clone());
         if self.batch.len() < self.method.batch().size {
             return;
@@ -160,7 +165,7 @@ impl<U: Update> Search for BatchSearch<U> {
         if trials[0].reward > trials[trials.len() - 1].reward {
             let floor = self.method.batch().floor(self.n_updates);
             self.gaussian = self.method.update(&self.gaussian, &trials, floor);
-            self.gaussian.mean = self.inside(&self.gaussian.mean);
+            self.gaussian.mean = self.space.inside(self.gaussian.mean.clone());
             self.n_updates += 1;
         }
     }

@@ -11,6 +11,7 @@ use super::power::PowerConfig;
 use super::random::RandomConfig;
 use super::regions::RegionsConfig;
 use super::reinforce::ReinforceConfig;
+use super::rewards::RewardMap;
 use super::rwr::RwrConfig;
 use super::tempered::TemperedConfig;
 use crate::range::{ConfigError, check};
@@ -47,6 +48,7 @@ pub enum Method {
 #[serde(default, deny_unknown_fields)]
 pub struct SearchConfig {
     pub method: Method,
+    pub reward_map: RewardMap,
     pub power: PowerConfig,
     pub random: RandomConfig,
     pub cem: CemConfig,
@@ -64,6 +66,7 @@ impl Default for SearchConfig {
     fn default() -> Self {
         SearchConfig {
             method: Method::Power,
+            reward_map: RewardMap::default(),
             power: PowerConfig::default(),
             random: RandomConfig::default(),
             cem: CemConfig::default(),
@@ -82,6 +85,7 @@ impl Default for SearchConfig {
 impl SearchConfig {
     /// Every field within its range.
     pub fn validate(&self) -> Result<(), ConfigError> {
+        check("search.reward_map.", &self.reward_map.ranges())?;
         check("search.power.", &self.power.ranges())?;
         check("search.random.", &self.random.ranges())?;
         check("search.cem.", &self.cem.ranges())?;

@@ -62,9 +62,9 @@ pub fn white(gaussian: &FactorGaussian, trials: &[Trial]) -> Vec<DVector<f64>> {
 /// (r − baseline)/deviation with the mean and the standard deviation of the batch: what a step is
 /// made of does not depend on the units of the reward.
 pub fn advantages(trials: &[Trial]) -> Vec<f64> {
-    // Scaled by the best first: squares of rewards need not be finite.
-    let best = trials.iter().map(|trial| trial.reward).fold(0.0, f64::max);
-    let rewards = DVector::from_iterator(trials.len(), trials.iter().map(|t| t.reward / best));
+    // Scaled by the largest first: squares of rewards need not be finite.
+    let largest = trials.iter().map(|trial| trial.reward.abs()).fold(0.0, f64::max);
+    let rewards = DVector::from_iterator(trials.len(), trials.iter().map(|t| t.reward / largest));
     let deviations = rewards.add_scalar(-rewards.mean());
     let scale = deviations.norm() / (trials.len() as f64).sqrt();
     deviations.iter().map(|deviation| deviation / scale.max(f64::MIN_POSITIVE)).collect()

@@ -8,6 +8,8 @@ pub mod cem;
 mod comparators_tests;
 mod config;
 pub mod enac;
+#[cfg(test)]
+mod every_method_tests;
 mod filling;
 pub mod gaussian;
 pub mod gradient;
@@ -19,6 +21,7 @@ pub mod power;
 pub mod random;
 pub mod regions;
 pub mod reinforce;
+pub mod rewards;
 pub mod rwr;
 mod several;
 mod space;
@@ -32,6 +35,7 @@ use nalgebra::{DMatrix, DVector};
 
 pub use ask_tell::{AskTell, TellError};
 pub use config::{Method, SearchConfig};
+pub use rewards::{RewardError, RewardMap};
 pub use space::{Bounds, BoundsError, DirectionsError, Space};
 
 use crate::trial::{Proposal, Trial};
@@ -44,7 +48,13 @@ pub trait Search: Send {
     /// order resumes a session.
     fn ask(&self, rollout: u64) -> Proposal;
 
-    /// Learns from a trial; its reward is finite and not negative.
+    /// Whether a trial with this reward can be learnt. A search that only compares rewards takes any
+    /// finite one; a search that weights trials by them says so here.
+    fn check_reward(&self, reward: f64) -> Result<(), RewardError> {
+        rewards::finite(reward)
+    }
+
+    /// Learns from a trial whose reward passes [`Search::check_reward`].
     fn tell(&mut self, trial: &Trial);
 
     /// Centre of the distribution proposals are drawn from.
@@ -87,14 +97,19 @@ pub fn build_all(config: &SearchConfig, seed: u64, mut spaces: Vec<Space>) -> Bo
     if spaces.len() == 1 {
         return build(config, seed, spaces.remove(0));
     }
-    let searches = spaces.into_iter().map(|space| build(config, seed, space)).collect();
-    Box::new(several::Several::new(searches))
+    let searches = spaces.into_iter().map(|space| unmapped(config, seed, space)).collect();
+    rewards::mapped(config.reward_map, Box::new(several::Several::new(searches)))
 }
 
 /// The configured search in `space`; along directions if it has some.
 pub fn build(config: &SearchConfig, seed: u64, space: Space) -> Box<dyn Search> {
+    rewards::mapped(config.reward_map, unmapped(config, seed, space))
+}
+
+/// The same, told the rewards as they are.
+fn unmapped(config: &SearchConfig, seed: u64, space: Space) -> Box<dyn Search> {
     if !space.is_white() {
-        return Box::new(subspace::Subspace::new(space, |inner| build(config, seed, inner)));
+        return Box::new(subspace::Subspace::new(space, |inner| unmapped(config, seed, inner)));
     }
     match config.method {
         Method::Algorithm1 => Box::new(algorithm1::Algorithm1::new(config.algorithm1, seed, space)),

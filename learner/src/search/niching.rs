@@ -24,7 +24,7 @@ use rand::RngExt;
 use super::filling::Filling;
 use super::normals::{standard_normal, stream};
 use super::power::by_reward;
-use super::{Bounds, Mode, Search, SearchSnapshot, Space};
+use super::{Bounds, Mode, RewardError, Search, SearchSnapshot, Space, rewards};
 use crate::trial::{Proposal, Trial};
 
 /// Where between two places a valley is looked for, in this order.
@@ -185,8 +185,15 @@ impl Search for Niching {
         Proposal { rollout, theta: self.bounds.clamp(&theta) }
     }
 
+    fn check_reward(&self, reward: f64) -> Result<(), RewardError> {
+        rewards::not_negative(
+            reward,
+            "niching answers with the optima within a share of the best reward",
+        )
+    }
+
     fn tell(&mut self, trial: &Trial) {
-        assert!(trial.reward.is_finite() && trial.reward >= 0.0, "reward {}", trial.reward);
+        self.check_reward(trial.reward).expect("the reward was checked");
         let trial = Trial { theta: self.bounds.fractions(&trial.theta), ..trial.clone() };
         match std::mem::replace(&mut self.stage, Stage::Climb) {
             Stage::Even(mut told) => {
@@ -213,7 +220,7 @@ impl Search for Niching {
             Stage::Climb => {
                 let climb = self.climb.as_mut().expect("the stage is Climb only with one");
                 climb.tell(trial);
-                self.mean = self.bounds.at(climb.gaussian().mean.as_slice());
+                self.mean = self.bounds.clamp(&self.bounds.at(climb.gaussian().mean.as_slice()));
                 if climb.is_over() || climb.n_told().is_multiple_of(self.config.n_between_tests) {
                     let best = climb.best().clone();
                     self.test(best);

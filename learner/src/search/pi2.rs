@@ -37,8 +37,10 @@ impl Update for Pi2Config {
     }
 
     fn update(&self, gaussian: &FactorGaussian, trials: &[Trial], floor: f64) -> FactorGaussian {
-        let (best, worst) = (trials[0].reward, trials[trials.len() - 1].reward);
-        let weight = |t: &Trial| (self.greediness * ((t.reward - best) / (best - worst))).exp();
+        // Halves: a difference of two rewards need not be finite.
+        let half = |t: &Trial| 0.5 * t.reward;
+        let (best, worst) = (half(&trials[0]), half(&trials[trials.len() - 1]));
+        let weight = |t: &Trial| (self.greediness * ((half(t) - best) / (best - worst))).exp();
         let weights: Vec<f64> = trials.iter().map(weight).collect();
         FactorGaussian::fit(trials, &weights, Some(&gaussian.mean), floor)
     }

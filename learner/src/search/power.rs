@@ -14,7 +14,7 @@ use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
 use super::normals::{standard_normal, stream};
-use super::{Search, SearchSnapshot, Space};
+use super::{RewardError, Search, SearchSnapshot, Space, rewards};
 use crate::range::{Range, range};
 use crate::trial::{Proposal, Trial};
 
@@ -44,7 +44,7 @@ pub enum Weights {
 pub enum Scatter {
     /// Θ⁽ⁿ⁻¹⁾, as printed in Eq. (6): a step of the mean widens the next distribution.
     Old,
-    /// Θ⁽ⁿ⁾, times m/(m−1): the spread of the elites themselves.
+    /// Θ⁽ⁿ⁾, unbiased for weighted elites: their own spread.
     New,
 }
 
@@ -114,12 +114,12 @@ pub(super) fn by_reward(a: &Trial, b: &Trial) -> Ordering {
     b.reward.total_cmp(&a.reward).then(a.rollout.cmp(&b.rollout))
 }
 
-/// wₘ = r(Θₘ)/Σ r or by rank, of `elites` from the best down; `None` when nothing was rewarded.
-/// Rewards are scaled by the best one first, so that those near the ends of the number range
-/// neither overflow nor vanish.
-fn weights(kind: Weights, elites: &[Trial]) -> Option<Vec<f64>> {
-    let best = elites.iter().map(|trial| trial.reward).fold(0.0, f64::max);
-    if best <= 0.0 {
+/// wₘ = r(Θₘ)/Σ r or by rank, of `elites` from the best down; `None` when none is above `worst`:
+/// nothing was rewarded. Rewards are scaled by the best one first, so that those near the ends of
+/// the number range neither overflow nor vanish.
+fn weights(kind: Weights, elites: &[Trial], worst: f64) -> Option<Vec<f64>> {
+    let best = elites.iter().map(|trial| trial.reward).fold(f64::NEG_INFINITY, f64::max);
+    if best <= worst {
         return None;
     }
     let m = elites.len() as f64;
@@ -147,6 +147,14 @@ fn scatter_factors(centre: &DVector<f64>, elites: &[Trial], weights: &[f64]) -> 
     elites.iter().zip(weights).map(factor).collect()
 }
 
+/// 1/(1 − Σₘ wₘ²): what the scatter of independent draws about their own weighted mean, Σ w = 1, is
+/// to be multiplied with to be their covariance in the mean. For equal weights it is m/(m − 1).
+fn unbiased(weights: &[f64]) -> f64 {
+    let spread = 1.0 - weights.iter().map(|weight| weight * weight).sum::<f64>();
+    // One trial has all of the weight: there is no scatter.
+    if spread > f64::EPSILON { 1.0 / spread } else { 1.0 }
+}
+
 /// Eq. (6): Σ⁽ⁿ⁾ = Σₘ wₘ[Θₘ − Θ⁽ⁿ⁻¹⁾][Θₘ − Θ⁽ⁿ⁻¹⁾]ᵀ + Σ₀, dense (D×D).
 pub fn power_covariance(
     theta_old: &DVector<f64>,
@@ -166,10 +174,13 @@ pub fn power_covariance(
 pub struct Power {
     config: PowerConfig,
     seed: u64,
+    space: Space,
     mean: DVector<f64>,
     /// Best first: every trial that can still become an elite.
     kept: Vec<Trial>,
     n_told: u64,
+    /// The lowest reward told, 0 if none was negative: a reward above it says something.
+    worst: f64,
     /// Factors of Eq. (6); `None` before the first update: N(θ₀, initial_std²·I).
     factors: Option<Vec<DVector<f64>>>,
     /// Trials that let the floor fall: successes, or all since the first update.
@@ -178,8 +189,9 @@ pub struct Power {
 
 impl Power {
     pub fn new(config: PowerConfig, seed: u64, space: Space) -> Self {
-        let (mean, kept) = (space.theta_0, Vec::new());
-        Power { config, seed, mean, kept, n_told: 0, factors: None, n_falls: 0 }
+        let (mean, kept, factors) = (space.inside(space.theta_0.clone()), Vec::new(), None);
+        let (n_told, worst, n_falls) = (0, 0.0, 0);
+        Power { config, seed, space, mean, kept, n_told, worst, factors, n_falls }
     }
 
     /// Standard deviation of the isotropic part of the distribution of `rollout`.
@@ -224,23 +236,25 @@ impl Power {
     /// whether the elites are the successes.
     fn update(&mut self) -> bool {
         let (elites, successful) = self.elites();
-        let Some(weights) = weights(self.config.weights, &elites) else { return successful };
+        let weights = weights(self.config.weights, &elites, self.worst);
+        let Some(weights) = weights else { return successful };
         let mean = power_mean(&self.mean, &elites, &weights);
         let factors = if successful && self.config.scatter == Scatter::New {
-            let m = elites.len() as f64;
-            let unbiased = (m / (m - 1.0).max(1.0)).sqrt();
+            let scale = unbiased(&weights).sqrt();
             let factors = scatter_factors(&mean, &elites, &weights);
-            factors.into_iter().map(|factor| factor * unbiased).collect()
+            factors.into_iter().map(|factor| factor * scale).collect()
         } else {
             scatter_factors(&self.mean, &elites, &weights)
         };
-        (self.factors, self.mean) = (Some(factors), mean);
+        // A weighted mean of places in the box is in it but for rounding.
+        (self.factors, self.mean) = (Some(factors), self.space.inside(mean));
         successful
     }
 }
 
 impl Search for Power {
-    /// Eq. (6), sampling: θ = Θ⁽ⁿ⁾ + Σₘ fₘ zₘ + σ₀ z with zₘ, z ~ 𝒩(0, 1).
+    /// Eq. (6), sampling: θ = Θ⁽ⁿ⁾ + Σₘ fₘ zₘ + σ₀ z with zₘ, z ~ 𝒩(0, 1), moved into the box where
+    /// one is known.
     ///
     /// Its covariance is Σₘ fₘfₘᵀ + σ₀²I = Σ⁽ⁿ⁾ exactly; a Cholesky factor of the D×D matrix would
     /// give the same distribution for more work and another rounding on every linear algebra
@@ -255,12 +269,23 @@ impl Search for Power {
             let floor = self.floor();
             theta.iter_mut().for_each(|x| *x += floor * standard_normal(&mut rng));
         }
-        Proposal { rollout, theta }
+        Proposal { rollout, theta: self.space.inside(theta) }
+    }
+
+    fn check_reward(&self, reward: f64) -> Result<(), RewardError> {
+        match self.config.weights {
+            Weights::Rank => rewards::finite(reward),
+            Weights::Reward => rewards::not_negative(
+                reward,
+                "power with weights = \"reward\" weights trials by their rewards",
+            ),
+        }
     }
 
     fn tell(&mut self, trial: &Trial) {
-        assert!(trial.reward.is_finite() && trial.reward >= 0.0, "reward {}", trial.reward);
+        self.check_reward(trial.reward).expect("the reward was checked");
         self.n_told += 1;
+        self.worst = self.worst.min(trial.reward);
         self.keep(trial);
         if self.n_told <= self.config.n_initial {
             return;

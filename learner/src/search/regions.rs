@@ -28,7 +28,7 @@ use persistence::peaks;
 
 use super::filling::Filling;
 use super::normals::{standard_normal, stream};
-use super::{Bounds, Mode, Search, SearchSnapshot, Space};
+use super::{Bounds, Mode, RewardError, Search, SearchSnapshot, Space, rewards};
 use crate::trial::{Proposal, Trial};
 
 /// Rewards below this share of the best are all the same to the surrogate.
@@ -236,8 +236,13 @@ impl Search for Regions {
         Proposal { rollout, theta: self.theta(&point) }
     }
 
+    fn check_reward(&self, reward: f64) -> Result<(), RewardError> {
+        rewards::not_negative(reward, "regions compares rewards by their share of the best")
+    }
+
     /// The box goes on being filled as long as nothing is rewarded.
     fn tell(&mut self, trial: &Trial) {
+        self.check_reward(trial.reward).expect("the reward was checked");
         let point = self.bounds.fractions(&trial.theta);
         self.points.push(point.clone());
         self.rewards.push(trial.reward);

@@ -7,6 +7,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::batch::{BatchConfig, FactorGaussian, Update};
+use super::{RewardError, rewards};
 use crate::range::{Range, range};
 use crate::trial::Trial;
 
@@ -34,6 +35,10 @@ impl RwrConfig {
 impl Update for RwrConfig {
     fn batch(&self) -> &BatchConfig {
         &self.batch
+    }
+
+    fn check_reward(&self, reward: f64) -> Result<(), RewardError> {
+        rewards::not_negative(reward, "rwr weights trials by powers of their rewards")
     }
 
     fn update(&self, _gaussian: &FactorGaussian, trials: &[Trial], floor: f64) -> FactorGaussian {

@@ -6,7 +6,7 @@
 
 use nalgebra::DVector;
 
-use super::{Mode, Search, SearchSnapshot};
+use super::{Mode, RewardError, Search, SearchSnapshot};
 use crate::trial::{Proposal, Trial};
 
 /// Trials of a search by which it is judged, its newest.
@@ -31,10 +31,12 @@ impl Several {
         ((n % k) as usize, n / k + 1)
     }
 
-    /// Mean reward of the newest trials of search `k`.
+    /// Mean reward of the newest trials of search `k`; above the worst of them all if that one is
+    /// negative, so that shares of merits are shares.
     fn merit(&self, k: usize) -> f64 {
+        let worst = self.recent.iter().flatten().copied().fold(0.0, f64::min);
         let recent = &self.recent[k];
-        recent.iter().sum::<f64>() / recent.len().max(1) as f64
+        recent.iter().map(|reward| reward - worst).sum::<f64>() / recent.len().max(1) as f64
     }
 }
 
@@ -42,6 +44,10 @@ impl Search for Several {
     fn ask(&self, rollout: u64) -> Proposal {
         let (k, own) = self.place(rollout);
         Proposal { rollout, theta: self.searches[k].ask(own).theta }
+    }
+
+    fn check_reward(&self, reward: f64) -> Result<(), RewardError> {
+        self.searches[0].check_reward(reward)
     }
 
     fn tell(&mut self, trial: &Trial) {

@@ -125,6 +125,14 @@ impl Space {
         self.theta_0.len()
     }
 
+    /// The point of the box nearest to `theta`; `theta` itself where no box is known.
+    pub fn inside(&self, theta: DVector<f64>) -> DVector<f64> {
+        match &self.bounds {
+            Some(bounds) => bounds.clamp(&theta),
+            None => theta,
+        }
+    }
+
     /// White noise on every parameter.
     pub fn is_white(&self) -> bool {
         let (rows, columns) = self.exploration.shape();

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::{Mode, Search, SearchSnapshot, Space};
+use super::{Mode, RewardError, Search, SearchSnapshot, Space};
 use crate::trial::{Proposal, Trial};
 
 /// The search over e (k numbers from 0) that is a search over θ (D numbers) from outside.
@@ -32,11 +32,7 @@ impl Subspace {
 
     /// θ₀ + L e, within the box.
     fn theta(&self, e: &DVector<f64>) -> DVector<f64> {
-        let theta = &self.space.theta_0 + &self.space.exploration * e;
-        match &self.space.bounds {
-            Some(bounds) => bounds.clamp(&theta),
-            None => theta,
-        }
+        self.space.inside(&self.space.theta_0 + &self.space.exploration * e)
     }
 
     /// L Σ Lᵀ.
@@ -50,6 +46,10 @@ impl Search for Subspace {
     fn ask(&self, rollout: u64) -> Proposal {
         let Proposal { theta: e, .. } = self.inner.ask(rollout);
         Proposal { rollout, theta: self.theta(&e) }
+    }
+
+    fn check_reward(&self, reward: f64) -> Result<(), RewardError> {
+        self.inner.check_reward(reward)
     }
 
     fn tell(&mut self, trial: &Trial) {

@@ -2,7 +2,8 @@
 
 use shm_types::SCHEMA;
 use shm_types::news::{
-    MAX_MODES, ModeNews, TRIAL_HISTORY, TRIAL_SET_ASIDE, TRIAL_SUCCESS, TrialNews,
+    MAX_MODES, ModeNews, TOLERANCE_UNKNOWN, TRIAL_HISTORY, TRIAL_SET_ASIDE, TRIAL_SUCCESS,
+    TrialNews,
 };
 use shm_types::ports::LearnerPorts;
 
@@ -74,7 +75,7 @@ fn news_of_mode(report: &ModeReport) -> ModeNews {
         n_trials: report.n_trials as u64,
         best_rollout,
         best_reward,
-        tolerance: report.tolerance.unwrap_or(-1.0),
+        tolerance: report.tolerance.unwrap_or(TOLERANCE_UNKNOWN),
         forbidden: u64::from(report.forbidden),
     }
 }

@@ -117,7 +117,7 @@ pub(super) fn trial_from_row(row: &Row<'_>) -> rusqlite::Result<Result<TrialReco
     let (Some(theta), Some(policy_digest), Some(boot_id)) = (theta, digest, boot_id) else {
         return Ok(Err(format!("trial {rollout}: theta, policy_digest or boot_id is damaged")));
     };
-    if !(reward.is_finite() && reward >= 0.0) {
+    if !reward.is_finite() {
         return Ok(Err(format!("trial {rollout}: reward is {reward}")));
     }
     Ok(Ok(TrialRecord {

@@ -29,7 +29,7 @@ CREATE TABLE trials (
     rollout INTEGER PRIMARY KEY REFERENCES proposals (rollout),
     seal INTEGER,
     theta BLOB NOT NULL,
-    reward REAL NOT NULL CHECK (reward >= 0),
+    reward REAL NOT NULL,
     success INTEGER NOT NULL,
     -- 1: it gave no usable episode; the search was not told.
     set_aside INTEGER NOT NULL,

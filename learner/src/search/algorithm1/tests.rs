@@ -2,6 +2,7 @@
 
 use serde::Deserialize;
 
+use super::super::Bounds;
 use super::super::vectors::{Gmm, read};
 use super::*;
 

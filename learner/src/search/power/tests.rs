@@ -52,7 +52,7 @@ fn matches_the_reference_vectors() {
         let n = if case.n_elites == 0 { case.r.len() } else { case.n_elites };
         let elites = elites(trials(&case.theta, &case.r), n);
         let theta_old = DVector::from_vec(case.theta_old);
-        let weights = weights(Weights::Reward, &elites).unwrap();
+        let weights = weights(Weights::Reward, &elites, 0.0).unwrap();
         let mean = power_mean(&theta_old, &elites, &weights);
         let expected = DVector::from_vec(case.theta_new);
         assert!((mean - &expected).amax() <= 1e-12 * expected.amax(), "mean, D = {}", case.dim);
@@ -95,7 +95,7 @@ fn sampler_has_the_covariance_of_eq_6() {
     }
     f.view_mut((0, factors.len()), (12, 12)).fill_diagonal(search.floor());
     let sigma_0 = DMatrix::identity(12, 12) * config.floor_std.powi(2);
-    let weights = weights(Weights::Reward, &search.kept).unwrap();
+    let weights = weights(Weights::Reward, &search.kept, 0.0).unwrap();
     let dense = power_covariance(&old_mean, &search.kept, &weights, &sigma_0);
     assert!((&f * f.transpose() - &dense).amax() <= 1e-14 * dense.amax());
     let std = search.snapshot(31).std;
@@ -169,8 +169,8 @@ fn without_any_reward_mean_and_covariance_stay() {
     let search = run(plain(), 3, 30, |_| 0.0);
     assert_eq!(search.mean(), &DVector::zeros(12));
     assert_eq!(search.snapshot(31).std, DVector::from_element(12, 0.5));
-    assert_eq!(weights(Weights::Reward, &search.kept), None);
-    assert_eq!(weights(Weights::Rank, &search.kept), None);
+    assert_eq!(weights(Weights::Reward, &search.kept, 0.0), None);
+    assert_eq!(weights(Weights::Rank, &search.kept, 0.0), None);
 }
 
 #[test]
@@ -240,7 +240,8 @@ fn successes_take_over_from_better_rewarded_failures() {
     let mean = -w - 3.0 * (1.0 - w);
     assert!((search.mean()[0] - mean).abs() < 1e-12, "the best two successes");
     let floor: f64 = 0.5 * 0.9;
-    let spread = 2.0 * (w * (-1.0 - mean).powi(2) + (1.0 - w) * (-3.0 - mean).powi(2));
+    let biased = w * (-1.0 - mean).powi(2) + (1.0 - w) * (-3.0 - mean).powi(2);
+    let spread = biased / (1.0 - w * w - (1.0 - w).powi(2));
     assert!((search.snapshot(6).std[0] - (spread + floor * floor).sqrt()).abs() < 1e-12);
 
     tell(&mut search, 6, -9.0, 0.3, true);
@@ -270,4 +271,41 @@ fn a_lucky_trial_leaves_the_memory() {
     for (memory, best) in [(0, 7.0), (4, 7.0), (3, 2.0)] {
         assert!((remember(memory) - best).abs() < 1e-12, "memory {memory}");
     }
+}
+
+/// The property 1/(1 − Σw²) is for: over many batches of weighted draws the scatter about their own
+/// mean is, in the mean, the covariance they were drawn from.
+#[test]
+fn the_scatter_of_weighted_elites_is_unbiased() {
+    for n_elites in [2, 4, 10] {
+        let config = PowerConfig {
+            n_elites,
+            min_successes: 1,
+            n_initial: n_elites as u64 - 1,
+            floor_decay: 1.0,
+            ..PowerConfig::default()
+        };
+        let n_batches = 20_000;
+        let mut sum = DVector::zeros(2);
+        for batch in 1..=n_batches {
+            let mut rng = stream(9, batch);
+            let mut search = Power::new(config, 1, Space::white(DVector::zeros(2)));
+            for rollout in 1..=n_elites as u64 {
+                let z = [standard_normal(&mut rng), standard_normal(&mut rng)];
+                let theta = DVector::from_vec(vec![5.0 + 2.0 * z[0], z[0] - 0.5 * z[1]]);
+                // The order of the rewards, and with it the weights, has nothing to do with θ.
+                let reward = rollout as f64;
+                search.tell(&Trial { rollout, theta, reward, success: true });
+            }
+            let SearchSnapshot { std, floor, .. } = search.snapshot(0);
+            sum += std.map(|std| std * std - floor * floor);
+        }
+        let mean = sum / n_batches as f64;
+        for (found, expected) in mean.iter().zip([4.0, 1.25]) {
+            let error = (found / expected - 1.0_f64).abs();
+            assert!(error < 0.03, "{n_elites} elites: {found} instead of {expected}");
+        }
+    }
+    assert!((unbiased(&[0.25; 4]) - 4.0 / 3.0).abs() < 1e-15, "m/(m − 1) of equal weights");
+    assert_eq!(unbiased(&[1.0]), 1.0);
 }
