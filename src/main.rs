@@ -1,5 +1,6 @@
 //! `skillet`: parse → run → exit code. No mathematics and no transport details in this crate.
 
+mod arm_check;
 mod bench;
 mod cell;
 mod children;
@@ -8,7 +9,9 @@ mod commands;
 mod config;
 mod demo;
 mod doctor;
+mod early;
 mod health;
+mod holding;
 mod host;
 mod log;
 mod metrics;
@@ -54,6 +57,7 @@ fn main() -> ExitCode {
         Verb::Record(args) => commands::record::run(args),
         Verb::Replay(args) => commands::replay::run(args),
         Verb::Demo(args) => commands::demo::run(args),
+        Verb::Arm(args) => commands::arm::run(args),
         Verb::Trials(args) => commands::trials::run(args),
         Verb::Report(args) => commands::report::run(args),
         Verb::Study(args) => commands::study::run(args),

@@ -6,6 +6,8 @@ use indicatif::{ProgressBar, ProgressStyle};
 use learner::summary::{Summary, TrialReport};
 use serde::{Deserialize, Serialize};
 
+use crate::early::{self, EndedEarly};
+
 /// What the learner process says after each trial, one JSON object a line.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TrialLine {
@@ -15,6 +17,9 @@ pub struct TrialLine {
     pub best_reward: f64,
     pub successes: u64,
     pub first_success: Option<u64>,
+    /// How many rollouts ended early, by reason.
+    #[serde(default)]
+    pub ended_early: EndedEarly,
 }
 
 impl TrialLine {
@@ -27,6 +32,7 @@ impl TrialLine {
             best_reward: summary.best_reward,
             successes: summary.successes,
             first_success: summary.first_success,
+            ended_early: early::by_reason(&summary.ended_early),
         }
     }
 
@@ -35,6 +41,7 @@ impl TrialLine {
         self.reward = trial.reward;
         self.success = trial.success;
         self.best_reward = self.best_reward.max(trial.reward);
+        early::add(&mut self.ended_early, trial.fault);
         if trial.success {
             self.successes += 1;
             self.first_success = self.first_success.or(Some(trial.rollout));
@@ -81,6 +88,9 @@ impl Progress {
         if self.has_flips {
             let first = trial.first_success.map_or(String::new(), |n| format!(" (first {n})"));
             message += &format!("  flips {}{first}", trial.successes);
+        }
+        if let Some(early) = early::sentence(&trial.ended_early) {
+            message += &format!("  {early}");
         }
         match &self.bar {
             Some(bar) => {

@@ -53,8 +53,8 @@ pub enum CellError {
     Foreign { path: PathBuf, uid: u32 },
     #[error("cell '{cell}' has a {role} already: stop it, or choose another cell with --cell")]
     Busy { cell: String, role: &'static str },
-    #[error("{path}: {source}: check its permissions and free space, or set SKILLET_RUNTIME_DIR")]
-    Io { path: PathBuf, source: std::io::Error },
+    #[error("{path}: {cause}: check its permissions and free space, or set SKILLET_RUNTIME_DIR")]
+    Io { path: PathBuf, cause: std::io::Error },
 }
 
 /// The name of a cell and its private runtime directory.
@@ -152,8 +152,8 @@ impl Cell {
                 Ok(there) if there.uid() != uid() => {
                     return Err(CellError::Foreign { path: dir.to_path_buf(), uid: there.uid() });
                 }
-                Err(source) if source.kind() == std::io::ErrorKind::PermissionDenied => {
-                    return Err(CellError::Io { path: dir.to_path_buf(), source });
+                Err(cause) if cause.kind() == std::io::ErrorKind::PermissionDenied => {
+                    return Err(CellError::Io { path: dir.to_path_buf(), cause });
                 }
                 _ => {}
             }
@@ -185,7 +185,7 @@ impl Cell {
         let dir = File::open(path).and_then(|dir| {
             flock(&dir, FlockOperation::LockExclusive).map(|()| dir).map_err(Into::into)
         });
-        dir.map_err(|source| CellError::Io { path: path.into(), source })
+        dir.map_err(|cause| CellError::Io { path: path.into(), cause })
     }
 
     fn try_lock(&self, role: Role) -> Result<File, CellError> {
@@ -198,7 +198,7 @@ impl Cell {
 
 /// Creates a directory for this user alone, or makes sure that it is this user's.
 pub(crate) fn create_own_dir(dir: &Path) -> Result<(), CellError> {
-    let io = |source| CellError::Io { path: dir.to_path_buf(), source };
+    let io = |cause| CellError::Io { path: dir.to_path_buf(), cause };
     fs::DirBuilder::new().recursive(true).mode(0o700).create(dir).map_err(io)?;
     let owner = fs::metadata(dir).map_err(io)?.uid();
     if owner != uid() {
@@ -214,7 +214,7 @@ fn open_lock(path: &Path) -> Result<File, CellError> {
         .truncate(false)
         .mode(0o600)
         .open(path)
-        .map_err(|source| CellError::Io { path: path.to_path_buf(), source })
+        .map_err(|cause| CellError::Io { path: path.to_path_buf(), cause })
 }
 
 fn uid() -> u32 {

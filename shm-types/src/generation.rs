@@ -48,7 +48,7 @@ impl Generation {
         let number = next.unwrap_or(LAST);
         create_own_dir(&root(cell.dir(), number))?;
         let generation = Generation::enter(cell, number);
-        generation.map_err(|source| CellError::Io { path: root(cell.dir(), number), source })
+        generation.map_err(|cause| CellError::Io { path: root(cell.dir(), number), cause })
     }
 
     /// Names it as the current one: from now on others join it.
@@ -56,7 +56,7 @@ impl Generation {
         let draft = self.current.with_extension("new");
         fs::write(&draft, self.number.to_string())
             .and_then(|()| fs::rename(&draft, &self.current))
-            .map_err(|source| CellError::Io { path: self.current.clone(), source })
+            .map_err(|cause| CellError::Io { path: self.current.clone(), cause })
     }
 
     /// The newest complete one, if there is any.

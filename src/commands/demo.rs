@@ -8,7 +8,7 @@ use crate::cli::demo::{DemoArgs, DemoVerb, ImportArgs};
 use crate::config::Config;
 use crate::demo::{self, Options, Summary};
 use crate::output::{print, print_json, write_new};
-use crate::setup;
+use crate::{holding, setup};
 
 pub fn run(args: &DemoArgs) -> Result<Verdict> {
     match &args.verb {
@@ -26,6 +26,7 @@ fn import(args: &ImportArgs) -> Result<Verdict> {
         );
     }
     let model = setup::arm(&config)?;
+    holding::check_start(&config, &model)?;
     let file = args.file.display().to_string();
     let text = std::fs::read_to_string(&args.file)
         .with_context(|| format!("{file}: cannot read the recording; check the path"))?;
