@@ -21,7 +21,7 @@ fn joint(name: &str, kind: &str, parent: &str, child: &str, origin: &str, more: 
     )
 }
 
-/// A vendor's arm: four joints, one of them without stops, a gripper, no pan.
+/// A vendor's arm: six joints, one of them without stops, a gripper, no pan.
 fn vendor_arm(effort: f64) -> String {
     let limits = |axis: &str| {
         format!(
@@ -33,16 +33,20 @@ fn vendor_arm(effort: f64) -> String {
         "<robot name='vendor'><link name='base'/>\n".to_string(),
         link("l1", 2.0, 0.0),
         link("l2", 1.0, 0.15),
-        link("l3", 0.8, 0.15),
+        link("l3", 0.5, 0.05),
         link("l4", 0.3, 0.05),
+        link("l5", 0.2, 0.02),
+        link("l6", 0.1, 0.02),
         "<link name='flange'/>".to_string(),
         link("f1", 0.02, 0.0),
         link("f2", 0.02, 0.0),
         joint("yaw", "continuous", "base", "l1", "0 0 0.3", &limits("0 0 1")),
         joint("shoulder", "revolute", "l1", "l2", "0 0 0.1", &limits("0 1 0")),
         joint("elbow", "revolute", "l2", "l3", "0.3 0 0", &limits("0 1 0")),
-        joint("wrist", "revolute", "l3", "l4", "0.3 0 0", &limits("0 1 0")),
-        joint("mount", "fixed", "l4", "flange", "0.1 0 0", ""),
+        joint("forearm", "revolute", "l3", "l4", "0.15 0 0", &limits("1 0 0")),
+        joint("wrist", "revolute", "l4", "l5", "0.15 0 0", &limits("0 1 0")),
+        joint("roll", "revolute", "l5", "l6", "0.05 0 0", &limits("1 0 0")),
+        joint("mount", "fixed", "l6", "flange", "0.05 0 0", ""),
         joint("left", "prismatic", "flange", "f1", "0 0.02 0", finger),
         joint("right", "prismatic", "flange", "f2", "0 -0.02 0", finger),
         "</robot>".to_string(),
@@ -62,7 +66,7 @@ fn a_vendors_arm_gets_a_configuration_that_works_where_it_is_pasted() {
     bench.write("arm.urdf", &vendor_arm(60.0));
     let checked = check(&bench, &["arm.urdf"], 0);
     assert_eq!(checked["tip"], "flange");
-    assert_eq!(checked["joints"].as_array().unwrap().len(), 4);
+    assert_eq!(checked["joints"].as_array().unwrap().len(), 6);
     assert_eq!(checked["held"].as_array().unwrap().len(), 2, "{checked}");
     assert!(checked["holding_share_max"].as_f64().unwrap() < 0.6);
     let again = check(&bench, &["arm.urdf"], 0);
@@ -116,7 +120,7 @@ fn verdicts_have_their_exit_codes_and_name_everything_at_once() {
     let held = ["arm.urdf", "--tip", "flange", "--hold", "elbow=0.1"];
     let text = arm.replace("<mass value='-0.3'/>", "<mass value='0.3'/>");
     bench.write("arm.urdf", &text);
-    assert_eq!(check(&bench, &held, 0)["joints"].as_array().unwrap().len(), 3);
+    assert_eq!(check(&bench, &held, 0)["joints"].as_array().unwrap().len(), 5);
 
     bench.write("shape.urdf", "<robot name='r'><link name='a'/></robot>");
     assert_eq!(check(&bench, &["shape.urdf"], 1)["usable"], false);
@@ -173,11 +177,11 @@ fn a_demonstration_that_cannot_be_held_is_refused_with_its_place() {
         })
         .collect();
     bench.write("demo.csv", &format!("t_s,x_m,y_m,z_m,pitch_rad\n{rows}"));
-    let limits = "torque_limits_nm = [150, 25.5, 40, 60, 5, 5, 2]";
+    let limits = "torque_limits_nm = [150, 16.5, 40, 60, 5, 5, 2]";
     let task = "[task]\ndemonstration = \"demo.csv\"\n[plant]\narm = \"arm.urdf\"\n";
     bench.write("my.toml", &format!("{task}{limits}\n"));
     bench.refused(
         &["learn", "pancake", "--config", "my.toml", "--out", "s"],
-        &["demo.csv", "cannot be held at t = 0.", "j2_shoulder_pitch", "25.5 N·m"],
+        &["demo.csv", "cannot be held at t = 0.", "j2_shoulder_pitch", "16.5 N·m"],
     );
 }

@@ -31,6 +31,8 @@ const ROOM_M: f64 = 0.6;
 /// Postures that the built-in demonstration is tried from.
 const TRIED: usize = 30;
 
+const NOT_LEVEL: &str = "no posture within the joints' limits brings the pan level";
+
 /// A usable arm.
 pub struct Checked {
     pub config: Config,
@@ -120,7 +122,11 @@ fn with_pan(text: &str, config: Config, args: &CheckArgs) -> Result<Found, Refus
             match mounted(text, &config, mass_kg, &mounting, args) {
                 Ok((new, worth)) if worth > best_worth => (found, best_worth) = (Some(new), worth),
                 Ok(_) => {}
-                Err(Refusal::NoPosture(why)) => reason = why,
+                // What a motor lacks says more than that another way does not work at all.
+                Err(Refusal::NoPosture(why)) if reason.is_empty() || reason == NOT_LEVEL => {
+                    reason = why;
+                }
+                Err(Refusal::NoPosture(_)) => {}
                 Err(other) => return Err(other),
             }
         }
@@ -173,7 +179,7 @@ fn best(
     fits: impl Fn(&StartPosture) -> bool,
 ) -> Result<(StartPosture, bool), String> {
     let Some(first) = postures.first() else {
-        return Err("no posture within the joints' limits brings the pan level".into());
+        return Err(NOT_LEVEL.into());
     };
     let held = |p: &&StartPosture| start_posture::largest_share(model, &p.holding) < 1.0;
     let mut all = postures.iter().filter(held).take(TRIED);

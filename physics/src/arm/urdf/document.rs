@@ -108,6 +108,7 @@ pub(super) fn read(text: &str, findings: &mut Findings) -> Result<Robot, UrdfErr
     if !is(&root, "robot") {
         let fault = other_root(root.tag_name().name());
         reader.findings.fault(source.line(root), fault);
+        reader.findings.check()?;
     }
     let mut robot = Robot { links: Vec::new(), joints: Vec::new() };
     for node in root.children() {

@@ -205,7 +205,7 @@ impl Findings {
         }
         let mut findings = std::mem::take(&mut self.faults);
         findings.sort_by_key(|finding| finding.line);
-        findings.dedup();
+        findings.dedup_by(|a, b| a.fault == b.fault);
         Err(UrdfError { findings })
     }
 
