@@ -53,6 +53,8 @@ pub enum Verb {
     Replay(record::ReplayArgs),
     /// Make demonstrations from recordings
     Demo(demo::DemoArgs),
+    /// Check the URDF of an arm and make its configuration
+    Arm(arm::ArmArgs),
     /// Print all trials of a session as CSV or JSON
     Trials(trials::TrialsArgs),
     /// Write the figures and the HTML page of a session

@@ -7,11 +7,14 @@ use anyhow::{Context, Result, bail};
 use learner::LearnerConfig;
 use learner::reward::RewardKind;
 use learner::search::Method;
-use physics::arm::JointVector;
-use physics::pancake::{PancakeConfig, WAM7_START_POSTURE};
 use physics::skittles::{self, SkittlesConfig};
 use rt_controller::ControllerConfig;
 use serde::{Deserialize, Serialize};
+
+#[path = "config/plant.rs"] // also where the fuzzer takes this file from here
+mod plant;
+
+pub use plant::{PanConfig, PlantConfig};
 
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -75,27 +78,6 @@ impl MetricsConfig {
     }
 }
 
-/// The simulated arm, pan and pancake.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct PlantConfig {
-    /// URDF of the arm with its pan; the built-in WAM when absent.
-    pub arm: Option<PathBuf>,
-    /// Link whose frame is the pan: origin on its surface, z its normal.
-    pub tip: String,
-    /// Where rollouts start; the pan must be level there.
-    pub start_posture_rad: Vec<f64>,
-    pub pancake_mass_kg: f64,
-    pub pancake_radius_m: f64,
-    /// Start of the pancake relative to the centre of the pan.
-    pub pancake_offset_m: [f64; 2],
-    pub friction: f64,
-    pub restitution: f64,
-    pub contact_frequency_hz: f64,
-    pub contact_damping_ratio: f64,
-    pub solver_iterations: usize,
-}
-
 impl Default for CellConfig {
     fn default() -> Self {
         CellConfig { name: "skillet".into(), state_dir: None }
@@ -124,80 +106,6 @@ impl TaskConfig {
 impl Default for LogConfig {
     fn default() -> Self {
         LogConfig { level: "info".into(), format: "text".into() }
-    }
-}
-
-impl Default for PlantConfig {
-    fn default() -> Self {
-        let world = PancakeConfig::default();
-        PlantConfig {
-            arm: None,
-            tip: "pan".into(),
-            start_posture_rad: WAM7_START_POSTURE.iter().copied().collect(),
-            pancake_mass_kg: world.pancake_mass,
-            pancake_radius_m: world.pancake_radius,
-            pancake_offset_m: world.pancake_offset,
-            friction: world.friction,
-            restitution: world.restitution,
-            contact_frequency_hz: world.contact_frequency_hz,
-            contact_damping_ratio: world.contact_damping_ratio,
-            solver_iterations: world.solver_iterations,
-        }
-    }
-}
-
-impl PlantConfig {
-    pub fn world(&self, period_s: f64) -> PancakeConfig {
-        PancakeConfig {
-            period_s,
-            pancake_mass: self.pancake_mass_kg,
-            pancake_radius: self.pancake_radius_m,
-            pancake_offset: self.pancake_offset_m,
-            friction: self.friction,
-            restitution: self.restitution,
-            contact_frequency_hz: self.contact_frequency_hz,
-            contact_damping_ratio: self.contact_damping_ratio,
-            solver_iterations: self.solver_iterations,
-            ..PancakeConfig::default()
-        }
-    }
-
-    pub fn start_posture(&self) -> JointVector {
-        let mut q = JointVector::zeros();
-        for (q, value) in q.iter_mut().zip(&self.start_posture_rad) {
-            *q = *value;
-        }
-        q
-    }
-
-    fn validate(&self) -> Result<()> {
-        for (field, value, min, max) in [
-            ("pancake_mass_kg", self.pancake_mass_kg, 1e-3, 2.0),
-            ("pancake_radius_m", self.pancake_radius_m, 0.02, 0.125),
-            ("pancake_offset_m[0]", self.pancake_offset_m[0], -0.1, 0.1),
-            ("pancake_offset_m[1]", self.pancake_offset_m[1], -0.1, 0.1),
-            ("friction", self.friction, 0.0, 2.0),
-            ("restitution", self.restitution, 0.0, 1.0),
-            ("contact_frequency_hz", self.contact_frequency_hz, 5.0, 500.0),
-            ("contact_damping_ratio", self.contact_damping_ratio, 0.1, 20.0),
-            ("solver_iterations", self.solver_iterations as f64, 1.0, 64.0),
-        ] {
-            if !(min..=max).contains(&value) {
-                bail!("plant.{field} is {value}: use a value within {min}..={max}");
-            }
-        }
-        let posture = &self.start_posture_rad;
-        if posture.is_empty() || posture.len() > physics::arm::MAX_JOINTS {
-            bail!(
-                "plant.start_posture_rad has {} numbers: give one a joint of the arm, 1 to {}",
-                posture.len(),
-                physics::arm::MAX_JOINTS
-            );
-        }
-        if let Some(bad) = posture.iter().find(|q| !q.is_finite()) {
-            bail!("plant.start_posture_rad holds {bad}: give finite angles in rad");
-        }
-        Ok(())
     }
 }
 

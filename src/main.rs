@@ -3,6 +3,7 @@
 // The status of a controller is one JSON object.
 #![recursion_limit = "256"]
 
+mod arm_check;
 mod bar;
 mod bench;
 mod cell;
@@ -12,8 +13,10 @@ mod commands;
 mod config;
 mod demo;
 mod doctor;
+mod early;
 mod exit;
 mod health;
+mod holding;
 mod host;
 mod log;
 mod metrics;
@@ -61,6 +64,7 @@ fn main() -> ExitCode {
         Verb::Record(args) => commands::record::run(args),
         Verb::Replay(args) => commands::replay::run(args),
         Verb::Demo(args) => commands::demo::run(args),
+        Verb::Arm(args) => commands::arm::run(args),
         Verb::Trials(args) => commands::trials::run(args),
         Verb::Report(args) => commands::report::run(args),
         Verb::Study(args) => commands::study::run(args),

@@ -7,6 +7,7 @@ use learner::summary::{Summary, TrialReport};
 use serde::{Deserialize, Serialize};
 
 use crate::bar::bar;
+use crate::early::{self, EndedEarly};
 use crate::stderr::say;
 use crate::tty;
 
@@ -23,6 +24,9 @@ pub struct TrialLine {
     /// Why the controller refused its policy, where it did.
     #[serde(default)]
     pub refused: Option<String>,
+    /// How many rollouts ended early, by reason.
+    #[serde(default)]
+    pub ended_early: EndedEarly,
 }
 
 impl TrialLine {
@@ -36,6 +40,7 @@ impl TrialLine {
             successes: summary.successes,
             first_success: summary.first_success,
             refused: None,
+            ended_early: early::by_reason(&summary.ended_early),
         }
     }
 
@@ -47,6 +52,7 @@ impl TrialLine {
             let best = self.best_reward.map_or(trial.reward, |best| best.max(trial.reward));
             self.best_reward = Some(best);
         }
+        early::add(&mut self.ended_early, trial.fault);
         if trial.success {
             self.successes += 1;
             self.first_success = self.first_success.or(Some(trial.rollout));
@@ -103,6 +109,9 @@ impl Progress {
         if self.has_flips {
             let first = trial.first_success.map_or(String::new(), |n| format!(" (first {n})"));
             message += &format!("  flips {}{first}", trial.successes);
+        }
+        if let Some(early) = early::sentence(&trial.ended_early) {
+            message += &format!("  {early}");
         }
         match &self.bar {
             Some(bar) => {

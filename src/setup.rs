@@ -5,11 +5,13 @@ use std::path::Path;
 use anyhow::{Context, Result, bail};
 use learner::Demonstration;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use physics::arm::urdf::{self, LoadedArm};
 use physics::arm::{ArmModel, JointVector, inverse_kinematics, kinematics};
 use rt_controller::admission::records_needed;
 use shm_types::episode::MAX_RECORDS;
 
 use crate::config::Config;
+use crate::holding;
 
 /// Built in, so that the main job needs no file: the project's own URDF and demonstration.
 pub const WAM7_URDF: &str = include_str!("../robots/wam7/wam7_pan.urdf");
@@ -19,19 +21,35 @@ pub const PANCAKE_DEMONSTRATION: &str = include_str!("../demos/pancake.csv");
 const START_TOLERANCE_M: f64 = 0.02;
 const START_TOLERANCE_RAD: f64 = 0.05;
 /// Rotation vectors jump at π; policies keep well away from it.
-const MAX_TURN_RAD: f64 = 1.5;
+pub const MAX_TURN_RAD: f64 = 1.5;
 /// Every so many points of a demonstration are checked for reach.
 const REACH_STRIDE: usize = 5;
 
-pub fn arm(config: &Config) -> Result<ArmModel> {
-    let model = match &config.plant.arm {
-        Some(path) => ArmModel::from_urdf_file(path, &config.plant.tip)?,
-        None => ArmModel::from_urdf(WAM7_URDF, &config.plant.tip).context("built-in WAM")?,
+/// The arm as its URDF and the configuration describe it, and what was assumed.
+pub fn load_arm(config: &Config) -> Result<LoadedArm> {
+    let (tip, settings) = (&config.plant.tip, config.plant.arm_settings());
+    let loaded = ArmModel::load(&arm_text(config)?, tip, &settings);
+    let name = config.plant.arm.as_ref().map(|path| path.display().to_string());
+    loaded.with_context(|| name.unwrap_or_else(|| "built-in WAM".into()))
+}
+
+/// What was assumed about the arm, each with its file, for a person to read.
+pub fn arm_notes(config: &Config) -> Result<Vec<String>> {
+    let Some(path) = config.plant.arm.as_ref().filter(|_| config.has_arm()) else {
+        return Ok(Vec::new());
     };
+    let notes = load_arm(config)?.notes;
+    Ok(notes.iter().map(|note| format!("{}: {note}", path.display())).collect())
+}
+
+/// The arm, in whose start posture the pan is level.
+pub fn arm(config: &Config) -> Result<ArmModel> {
+    let model = load_arm(config)?.model;
     let given = config.plant.start_posture_rad.len();
     if given != model.n_joints() {
         bail!(
-            "plant.start_posture_rad has {given} numbers, but the arm has {} joints: give one each",
+            "plant.start_posture_rad has {given} numbers, but the arm has {} joints: give one each; \
+             `skillet arm check` finds a posture",
             model.n_joints()
         );
     }
@@ -50,7 +68,8 @@ pub fn arm(config: &Config) -> Result<ArmModel> {
     if tilt > START_TOLERANCE_RAD {
         bail!(
             "plant.start_posture_rad tilts the pan by {tilt:.3} rad: choose a posture in which link \
-             '{}' is level, or the pancake slides off before the first rollout",
+             '{}' is level, or the pancake slides off before the first rollout; `skillet arm check` \
+             finds one",
             config.plant.tip
         );
     }
@@ -59,7 +78,7 @@ pub fn arm(config: &Config) -> Result<ArmModel> {
         bail!(
             "plant.start_posture_rad turns link '{}' by {turn:.2} rad from the world's axes; task \
              rotations are rotation vectors and must stay below {MAX_TURN_RAD} rad: turn the link \
-             in the URDF",
+             in the URDF, or plant.pan on it",
             config.plant.tip
         );
     }
@@ -68,7 +87,10 @@ pub fn arm(config: &Config) -> Result<ArmModel> {
 
 /// The URDF of the arm.
 pub fn arm_text(config: &Config) -> Result<String> {
-    text_of(config.plant.arm.as_deref(), WAM7_URDF)
+    match &config.plant.arm {
+        Some(path) => Ok(urdf::read_file(path)?),
+        None => Ok(WAM7_URDF.to_string()),
+    }
 }
 
 pub fn text_of(given: Option<&Path>, built_in: &str) -> Result<String> {
@@ -86,6 +108,7 @@ pub fn check(config: &Config) -> Result<Vec<Demonstration>> {
         return Ok(Vec::new());
     }
     let model = arm(config)?;
+    holding::check_start(config, &model)?;
     let demonstrations = demonstrations(config)?;
     let first = &demonstrations[0];
     for demonstration in &demonstrations {
@@ -177,6 +200,9 @@ fn check_reach(model: &ArmModel, q0: &JointVector, demonstration: &Demonstration
                  demonstration into the reach of the arm",
                 pose[0], pose[1], pose[2]
             )
+        })?;
+        holding::check(model, &q).with_context(|| {
+            format!("{file}: cannot be held at t = {:.2} s", i as f64 * demonstration.period_s())
         })?;
     }
     Ok(())

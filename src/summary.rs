@@ -7,6 +7,7 @@ use learner::summary::Summary as Achievement;
 use serde_json::json;
 use shm_types::command::Status;
 
+use crate::early;
 use crate::session_folder::SessionFolder;
 
 /// The result of a session, for people and for machines.
@@ -47,6 +48,7 @@ impl Summary {
             "first_success": self.result.first_success,
             "successes": self.result.successes,
             "faults": self.result.faults,
+            "ended_early": early::by_reason(&self.result.ended_early),
             "set_aside": self.result.set_aside,
             "modes": self.modes,
             "success_last20": self.result.success_last20,
@@ -84,6 +86,9 @@ impl Summary {
         );
         if result.set_aside > 0 {
             text += &format!("{} rollouts set aside, not learnt\n", result.set_aside);
+        }
+        if let Some(early) = early::sentence(&early::by_reason(&result.ended_early)) {
+            text += &format!("{early}\n");
         }
         for (name, value) in self.notes().iter().skip(1) {
             text += &format!("{name}: {value}\n");

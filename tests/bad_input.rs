@@ -87,12 +87,16 @@ fn urdf_mistakes_name_file_and_part() {
         let end = start + wam[start..].find(to).unwrap() + to.len();
         format!("{}{}", &wam[..start], &wam[end..])
     };
+    // A frame without mass may pass; a body may not.
+    let shape = "<visual/></link>";
+    let shape_without_mass =
+        remove_between("<inertial>", "</inertial>").replacen("</link>", shape, 1);
     let first_inertia = wam.find("ixx=\"").unwrap() + 5;
     let negative = format!("{}-{}", &wam[..first_inertia], &wam[first_inertia..]);
     let cases: [(String, &[&str]); 4] = [
         ("<robot".into(), &["arm.urdf"]),
         (wam.replacen("type=\"revolute\"", "type=\"prismatic\"", 1), &["arm.urdf", "prismatic"]),
-        (remove_between("<inertial>", "</inertial>"), &["arm.urdf", "link1", "inertia"]),
+        (shape_without_mass, &["arm.urdf: line 6", "link1", "no mass"]),
         (negative, &["arm.urdf", "link1", "inertia"]),
     ];
     for (urdf, words) in cases {

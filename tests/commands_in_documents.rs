@@ -217,7 +217,7 @@ fn is_mention(arguments: &[&str]) -> bool {
     match arguments {
         ["config" | "doctor" | "study"] => false,
         [_] => true,
-        ["policy" | "demo", verb] => !["pin", "unpin", "rollback"].contains(verb),
+        ["policy" | "demo" | "arm", verb] => !["pin", "unpin", "rollback"].contains(verb),
         ["learner", rest @ ..] => !rest.contains(&"--session"),
         ["policy", "activate" | "show" | "import" | "export" | "forbid" | "allow", flag, ..] => {
             flag.starts_with('-')

@@ -166,3 +166,38 @@ fn unsafe_code_stays_where_it_is_declared() {
         }
     }
 }
+
+/// Variants of an error whose text shows a cause that the error returns as its source as well: a
+/// chain of errors would print it twice.
+fn causes_shown_twice(text: &str) -> Vec<String> {
+    let mut found = Vec::new();
+    let attribute = concat!("#[", "error(");
+    for (i, _) in text.match_indices(attribute) {
+        let rest = &text[i..];
+        let Some(end) = rest.find(")]") else { continue };
+        let (shown, variant) = rest.split_at(end + 2);
+        let until = variant.find(attribute).unwrap_or(variant.len()).min(400);
+        let until = (0..=until).rev().find(|i| variant.is_char_boundary(*i)).unwrap_or(0);
+        let variant = variant[..until].split("\n}").next().unwrap_or_default();
+        let named = shown.contains("{source}") && variant.contains("source:");
+        let is_source = variant.contains("#[from]") || variant.contains("#[source]");
+        let positional = shown.contains("{0}") && is_source;
+        if named || positional {
+            found.push(shown.to_string());
+        }
+    }
+    found
+}
+
+#[test]
+fn an_error_shows_its_cause_or_returns_it_and_not_both() {
+    for (path, text) in sources().into_iter().filter(|(path, _)| !path.ends_with("tidy.rs")) {
+        assert_eq!(causes_shown_twice(&text), [""; 0], "{}", path.display());
+    }
+    for twice in [
+        "#[error(\"{path}: {source}\")]\n    Io { path: PathBuf, source: io::Error },\n}",
+        "#[error(\"not readable: {0}\")]\n    Json(#[from] serde_json::Error),\n}",
+    ] {
+        assert_eq!(causes_shown_twice(twice).len(), 1, "{twice}");
+    }
+}

@@ -46,7 +46,7 @@ pub struct PolicyIds {
 #[derive(Debug, Error, PartialEq)]
 pub enum ParameterError {
     #[error("policy cannot be encoded: {0}")]
-    Message(#[from] PolicyMsgError),
+    Message(PolicyMsgError),
     #[error(
         "policy has task_dim {found_dim} and {found} components, the session {task_dim} and \
          {components}: use a policy of the same shape"
@@ -57,6 +57,13 @@ pub enum ParameterError {
          {STIFFNESS_MIN}..={STIFFNESS_MAX}"
     )]
     Stiffness { component: usize, value: f64 },
+}
+
+/// No `#[from]`: the text holds the cause, and a chain would repeat it.
+impl From<PolicyMsgError> for ParameterError {
+    fn from(error: PolicyMsgError) -> Self {
+        ParameterError::Message(error)
+    }
 }
 
 /// The map between θ and policies of one shape.

@@ -1,7 +1,9 @@
 //! What a rollout and a session have achieved, in a few numbers.
 
+use std::collections::BTreeMap;
+
 use serde::Serialize;
-use shm_types::episode::OutcomeMsg;
+use shm_types::episode::{FAULT_SWAPPED, OutcomeMsg};
 
 use crate::store::TrialRecord;
 
@@ -21,12 +23,14 @@ pub struct TrialReport {
 }
 
 /// What became of a session.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
     pub trials: u64,
     pub successes: u64,
     /// Trials in which the controller fell back to its damped hold.
     pub faults: u64,
+    /// How many of them ended early by which fault, by its code.
+    pub ended_early: BTreeMap<u64, u64>,
     /// Trials that gave no usable episode; nothing was learnt from them.
     pub set_aside: u64,
     pub first_success: Option<u64>,
@@ -37,6 +41,11 @@ pub struct Summary {
     pub best_rollout: Option<u64>,
 }
 
+/// A fault of this code ends a rollout before its time; a swap goes on with another policy.
+pub fn ends_early(fault: u64) -> bool {
+    fault != 0 && fault != FAULT_SWAPPED
+}
+
 impl Summary {
     /// Summary of trials in the order of their rollouts.
     pub fn of(trials: &[TrialRecord]) -> Self {
@@ -45,10 +54,15 @@ impl Summary {
         // What was set aside was not rewarded: its 0 is none, and may be above all others.
         let rewarded = trials.iter().filter(|trial| !trial.set_aside);
         let best = rewarded.reduce(|a, b| if b.reward > a.reward { b } else { a });
+        let mut ended_early = BTreeMap::new();
+        for trial in trials.iter().filter(|trial| ends_early(trial.fault)) {
+            *ended_early.entry(trial.fault).or_default() += 1;
+        }
         Summary {
             trials: trials.len() as u64,
             successes: count(trials) as u64,
             faults: trials.iter().filter(|trial| trial.fault != 0).count() as u64,
+            ended_early,
             set_aside: trials.iter().filter(|trial| trial.set_aside).count() as u64,
             first_success: trials.iter().find(|trial| trial.success()).map(|trial| trial.rollout),
             success_last20: count(late) as f64 / late.len().max(1) as f64,
@@ -88,6 +102,7 @@ mod tests {
             trials: 30,
             successes: 6,
             faults: 0,
+            ended_early: BTreeMap::new(),
             set_aside: 0,
             first_success: Some(5),
             success_last20: 0.25,
@@ -96,6 +111,16 @@ mod tests {
         };
         assert_eq!(Summary::of(&trials), expected);
         assert_eq!(Summary::of(&trials[..10]).success_last20, 0.1);
+    }
+
+    #[test]
+    fn counts_what_ended_early_by_its_fault() {
+        let with_fault = |n, fault| TrialRecord { fault, ..trial(n, 0.0, false) };
+        let faults = [13, 0, 13, 2, FAULT_SWAPPED];
+        let trials: Vec<_> = (1..).zip(faults).map(|(n, fault)| with_fault(n, fault)).collect();
+        let summary = Summary::of(&trials);
+        assert_eq!(summary.ended_early, BTreeMap::from([(2, 1), (13, 2)]));
+        assert_eq!(summary.faults, 4);
     }
 
     #[test]

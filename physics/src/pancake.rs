@@ -7,7 +7,10 @@ mod bodies;
 mod check;
 mod plant;
 
+use nalgebra::{Isometry3, Matrix3, Vector3};
+
 use crate::arm::JointVector;
+use crate::arm::urdf::Payload;
 
 pub use bodies::{insert_pan, insert_pancake, is_touching, object_state};
 pub use check::PancakeConfigError;
@@ -93,6 +96,20 @@ impl Default for PancakeConfig {
             restitution: 0.1,
             start_gap: 0.3e-3,
             pancake_offset: [0.0, 0.0],
+        }
+    }
+}
+
+impl PancakeConfig {
+    /// The pan's disc as something an arm carries: `mass` kg, its frame at `X_TP` in the tip link.
+    pub fn pan(&self, mass: f64, X_TP: &Isometry3<f64>) -> Payload {
+        let (r, h) = (self.pan_radius, self.pan_thickness);
+        let across = mass * (3.0 * r * r + h * h) / 12.0;
+        Payload {
+            X_TP: *X_TP,
+            mass,
+            p_cm: Vector3::new(0.0, 0.0, -h / 2.0),
+            I_cm: Matrix3::from_diagonal(&Vector3::new(across, across, mass * r * r / 2.0)),
         }
     }
 }

@@ -52,6 +52,48 @@ fn acceleration_of_oblique_arm_matches_newton_euler() {
     assert!(worst <= 1e-4, "{worst:e}");
 }
 
+/// As vendors write arms: a frame without mass between two joints, a joint without stops, a point mass.
+fn vendor_arm() -> ArmModel {
+    let frame = r#"<link name="frame"/><joint name="extra" type="continuous">
+        <parent link="two"/><child link="frame"/><axis xyz="0 1 0"/>
+        <limit effort="10" velocity="5"/></joint>
+        <link name="point"><inertial><mass value="0.1"/>
+        <inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial></link>
+        <joint name="p" type="fixed"><origin xyz="0.3 0 0"/><parent link="three"/>
+        <child link="point"/></joint></robot>"#;
+    let joint = r#"rpy="1.2 0 0"/>
+    <parent link="two"/>"#;
+    assert!(OBLIQUE_ARM.contains(joint));
+    let text = OBLIQUE_ARM.replace(joint, &joint.replace("\"two\"", "\"frame\""));
+    ArmModel::from_urdf(&text.replace("</robot>", frame), "tool").unwrap()
+}
+
+#[test]
+fn acceleration_of_an_arm_with_a_massless_frame_matches_newton_euler() {
+    let worst = worst_acceleration_error(&vendor_arm(), 50);
+    println!("arm with a massless frame: worst relative acceleration error {worst:.2e}");
+    assert!(worst <= 1e-4, "{worst:e}");
+}
+
+#[test]
+fn a_joint_without_stops_turns_past_half_a_turn() {
+    let model = vendor_arm();
+    let mut world = new_world(&model.gravity(), 1e-3, 4, softness());
+    let mut q = JointVector::zeros();
+    q[2] = 3.0;
+    let arm = RapierArm::insert(&mut world, &model, &q);
+    for _ in 0..1000 {
+        let q = arm.q(&world);
+        let mut qdd = JointVector::zeros();
+        qdd[2] = 2.0;
+        let qd = arm.qd(&world);
+        arm.set_torques(&mut world, &dynamics::rnea(&model, &q, &qd, &qdd));
+        world.step();
+    }
+    let turned = arm.q(&world)[2];
+    assert!((turned - 4.0).abs() < 0.05, "{turned}");
+}
+
 #[test]
 fn state_reads_back_as_set() {
     let model = wam_with_pan();

@@ -45,7 +45,7 @@ impl Catalogue {
             errors: 0,
         };
         if let Some(dir) = dir {
-            let io = |source| StateError::Io { path: dir.to_path_buf(), source };
+            let io = |cause| StateError::Io { path: dir.to_path_buf(), cause };
             own_folder(dir).map_err(io)?;
             catalogue.keeper = Some(Keeper::start().map_err(io)?);
             catalogue.state = State::read(dir)?;

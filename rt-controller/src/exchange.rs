@@ -280,7 +280,7 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
 
 fn open_spool(dir: &Path) -> Result<Spool, StateError> {
     let spool =
-        Spool::open(dir).map_err(|source| StateError::Io { path: dir.to_path_buf(), source })?;
+        Spool::open(dir).map_err(|cause| StateError::Io { path: dir.to_path_buf(), cause })?;
     if spool.len() > 0 {
         tracing::info!(episodes = spool.len(), "spooled episodes wait for their learner");
     }

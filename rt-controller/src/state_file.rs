@@ -24,8 +24,8 @@ const FORMAT: u32 = 1;
 /// Why a state folder cannot be used.
 #[derive(Debug, Error)]
 pub enum StateError {
-    #[error("{path}: {source}: check permissions, or set cell.state_dir to another folder")]
-    Io { path: PathBuf, source: std::io::Error },
+    #[error("{path}: {cause}: check permissions, or set cell.state_dir to another folder")]
+    Io { path: PathBuf, cause: std::io::Error },
     #[error("{path}: {reason}: restore it, or move it away and restart")]
     Broken { path: PathBuf, reason: String },
 }
@@ -92,7 +92,7 @@ impl State {
         let text = match fs::read_to_string(&path) {
             Ok(text) => text,
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(state),
-            Err(source) => return Err(StateError::Io { path, source }),
+            Err(cause) => return Err(StateError::Io { path, cause }),
         };
         let broken = |reason| StateError::Broken { path: path.clone(), reason };
         let file = StateFile::parse(&text).map_err(broken)?;

@@ -59,8 +59,8 @@ pub enum CellError {
     Foreign { path: PathBuf, uid: u32 },
     #[error("cell '{cell}' has a {role} already: stop it, or choose another cell with --cell")]
     Busy { cell: String, role: &'static str },
-    #[error("{path}: {source}: {}", advice::on_io(source))]
-    Io { path: PathBuf, source: std::io::Error },
+    #[error("{path}: {cause}: {}", advice::on_io(cause))]
+    Io { path: PathBuf, cause: std::io::Error },
 }
 
 /// The name of a cell and its private runtime directory.
@@ -183,8 +183,8 @@ impl Cell {
                 Ok(there) if there.uid() != uid() => {
                     return Err(CellError::Foreign { path: dir.to_path_buf(), uid: there.uid() });
                 }
-                Err(source) if source.kind() == ErrorKind::PermissionDenied => {
-                    return Err(CellError::Io { path: dir.to_path_buf(), source });
+                Err(cause) if cause.kind() == ErrorKind::PermissionDenied => {
+                    return Err(CellError::Io { path: dir.to_path_buf(), cause });
                 }
                 _ => {}
             }
@@ -216,7 +216,7 @@ impl Cell {
         let dir = File::open(path).and_then(|dir| {
             flock(&dir, FlockOperation::LockExclusive).map(|()| dir).map_err(Into::into)
         });
-        dir.map_err(|source| CellError::Io { path: path.into(), source })
+        dir.map_err(|cause| CellError::Io { path: path.into(), cause })
     }
 
     fn lock_path(&self, role: Role) -> PathBuf {
@@ -233,7 +233,7 @@ impl Cell {
 
 /// Creates a directory for this user alone, or makes sure that it is this user's.
 pub(crate) fn create_own_dir(dir: &Path) -> Result<(), CellError> {
-    let io = |source| CellError::Io { path: dir.to_path_buf(), source };
+    let io = |cause| CellError::Io { path: dir.to_path_buf(), cause };
     fs::DirBuilder::new().recursive(true).mode(0o700).create(dir).map_err(io)?;
     let owner = fs::metadata(dir).map_err(io)?.uid();
     if owner != uid() {
@@ -249,7 +249,7 @@ fn open_lock(path: &Path) -> Result<File, CellError> {
         .truncate(false)
         .mode(0o600)
         .open(path)
-        .map_err(|source| CellError::Io { path: path.to_path_buf(), source })
+        .map_err(|cause| CellError::Io { path: path.to_path_buf(), cause })
 }
 
 fn uid() -> u32 {

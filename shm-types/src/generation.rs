@@ -49,7 +49,7 @@ impl Generation {
         let number = next.unwrap_or(LAST);
         create_own_dir(&root(cell.dir(), number))?;
         let generation = Generation::enter(cell, number);
-        generation.map_err(|source| CellError::Io { path: root(cell.dir(), number), source })
+        generation.map_err(|cause| CellError::Io { path: root(cell.dir(), number), cause })
     }
 
     /// Names it as the current one: from now on others join it.
@@ -57,7 +57,7 @@ impl Generation {
         let draft = self.current.with_extension("new");
         fs::write(&draft, self.number.to_string())
             .and_then(|()| fs::rename(&draft, &self.current))
-            .map_err(|source| CellError::Io { path: self.current.clone(), source })
+            .map_err(|cause| CellError::Io { path: self.current.clone(), cause })
     }
 
     /// The newest complete one, if there is any.
@@ -68,7 +68,7 @@ impl Generation {
             // It may have been swept, or followed by another, before its lock was held.
             Ok(found) => Ok(found.filter(|found| found.root.is_dir() && found.is_current())),
             Err(error) if is_going(&error) => Ok(None),
-            Err(source) => Err(CellError::Io { path: cell.dir().to_path_buf(), source }),
+            Err(cause) => Err(CellError::Io { path: cell.dir().to_path_buf(), cause }),
         }
     }
 

@@ -11,7 +11,7 @@ use crate::{MAX_ACTIONS, MAX_COMPONENTS, TASK_DIM};
 #[derive(Debug, Error)]
 pub enum PolicyJsonError {
     #[error("policy is not valid JSON of a policy: {0}")]
-    Json(#[from] serde_json::Error),
+    Json(serde_json::Error),
     #[error("component {component}: stiffness must be {task_dim} rows of {task_dim} numbers")]
     Stiffness { component: usize, task_dim: u32 },
     #[error("component {component}: stiffness must be symmetric")]
@@ -22,6 +22,13 @@ pub enum PolicyJsonError {
     Action(usize),
     #[error(transparent)]
     Message(#[from] PolicyMsgError),
+}
+
+/// No `#[from]`: the text holds the cause, and a chain would repeat it.
+impl From<serde_json::Error> for PolicyJsonError {
+    fn from(error: serde_json::Error) -> Self {
+        PolicyJsonError::Json(error)
+    }
 }
 
 /// What drives the activations.

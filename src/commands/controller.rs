@@ -19,7 +19,7 @@ use crate::cli::{ControllerArgs, PaceArg};
 use crate::config::Config;
 use crate::metrics::Endpoint;
 use crate::signals::{Who, stop_flag};
-use crate::{log, reload, setup};
+use crate::{holding, log, reload, setup};
 
 pub fn run(args: &ControllerArgs) -> Result<Verdict> {
     if let Some(parent) = args.child {
@@ -70,6 +70,8 @@ fn run_arm(
     stop: &AtomicBool,
 ) -> Result<RunSummary> {
     let model = setup::arm(config)?;
+    holding::check_start(config, &model)?;
+    setup::arm_notes(config)?.iter().for_each(|note| tracing::warn!("{note}"));
     let q0 = config.plant.start_posture();
     let world = config.plant.world(config.controller.period_s());
     let mut plant = PancakePlant::new(&model, &q0, &world);

@@ -9,8 +9,8 @@ use crate::cli::demo::{DemoArgs, DemoVerb, ImportArgs};
 use crate::config::Config;
 use crate::demo::{self, Effort, Options, Summary};
 use crate::output::{print, print_json, write_new};
-use crate::setup;
 use crate::stderr::say;
+use crate::{holding, setup};
 
 pub fn run(args: &DemoArgs) -> Result<Verdict> {
     match &args.verb {
@@ -28,6 +28,7 @@ fn import(args: &ImportArgs) -> Result<Verdict> {
         );
     }
     let model = setup::arm(&config)?;
+    holding::check_start(&config, &model)?;
     let file = args.file.display().to_string();
     let bytes = std::fs::read(&args.file)
         .with_context(|| format!("{file}: cannot read the recording; check the path"))?;

@@ -11,7 +11,7 @@ use crate::cli::record::WatchArgs;
 use crate::output::is_closed;
 use crate::signals::{Who, stop_flag};
 use crate::watch::{self, Model, lines, serve, terminal};
-use crate::{Verdict, setup, tty};
+use crate::{Verdict, tty};
 
 pub fn run(args: &WatchArgs) -> Result<Verdict> {
     let named = NamedCell::of(&args.cell)?;

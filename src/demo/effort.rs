@@ -66,7 +66,7 @@ impl Effort {
         };
         for k in ENDS..path.len().saturating_sub(ENDS) {
             let t_s = k as f64 * demonstration.period_s();
-            let [q, qd, qdd] = [path[k], speeds[k], accelerations[k]].map(|v| JointVector::from(v));
+            let [q, qd, qdd] = [path[k], speeds[k], accelerations[k]].map(JointVector::from);
             let tau = dynamics::rnea(model, &q, &qd, &qdd);
             let gravity = dynamics::gravity_torque(model, &q);
             for (i, name) in names.iter().enumerate().take(n) {

@@ -115,8 +115,8 @@ pub fn find(fields: &Fields, names: &[String]) -> Result<Option<Joints>, Error> 
     }
 }
 
-fn is_other(word: &String) -> bool {
-    OTHER_WORDS.contains(&word.as_str())
+fn is_other(word: &str) -> bool {
+    OTHER_WORDS.contains(&word)
 }
 
 /// Columns that carry the names of the arm's joints: `/joint_states/panda_joint1/position`.
@@ -134,7 +134,7 @@ fn by_name(fields: &Fields, names: &[String]) -> Result<Option<Joints>> {
                 [ending] => ENDINGS.contains(&ending.as_str()),
                 _ => false,
             };
-            ends && !before.iter().chain(after).any(is_other)
+            ends && !before.iter().chain(after).any(|word| is_other(word))
         };
         let found: Vec<&Field> = fields.all.iter().filter(matches).collect();
         match found.as_slice() {

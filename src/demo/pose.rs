@@ -103,8 +103,11 @@ fn root<'a>(before: &[&'a str], kind: &[&str]) -> Option<Vec<&'a str>> {
     }
 }
 
+/// The words before an axis, and the columns that have them.
+type Group<'a> = (Vec<&'a str>, Vec<(&'a str, &'a Field)>);
+
 pub fn find(fields: &Fields) -> Result<Option<Pose>> {
-    let mut groups: Vec<(Vec<&str>, Vec<(&str, &Field)>)> = Vec::new();
+    let mut groups: Vec<Group> = Vec::new();
     for field in &fields.all {
         let Some((axis, before)) = axis(field, &["x", "y", "z"]) else { continue };
         if root(&before, &POSITION_WORDS).is_none() {

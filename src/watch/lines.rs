@@ -6,6 +6,7 @@ use anyhow::Result;
 use serde_json::json;
 
 use super::Model;
+use crate::health;
 use crate::output::print;
 use crate::record::watcher::{Watcher, pause};
 

@@ -51,6 +51,8 @@ fn thetas(trials: Vec<Trial>) -> Vec<DVector<f64>> {
     trials.into_iter().map(|trial| trial.theta).collect()
 }
 
+type Reward<'a> = &'a dyn Fn(&DVector<f64>) -> f64;
+
 /// Draws, the mean and every answer, in a narrow box and in a wide one, with the optimum in a corner,
 /// beyond the box, inside, in two corners, and nowhere.
 #[test]
@@ -61,7 +63,7 @@ fn every_method_keeps_to_its_box() {
         let [min, max] = narrow.map(|corner| corner.map(|x| x * width));
         let bounds = Bounds::new(3, &min, &max).unwrap();
         let corners = [&bounds.min, &bounds.max].map(|corner| corner / width);
-        let rewards: [&dyn Fn(&DVector<f64>) -> f64; 5] = [
+        let rewards: [Reward; 5] = [
             &|theta| theta.sum().exp(),
             &|theta| (-cost(theta)).exp(),
             &|theta| (-20.0 * theta.norm_squared()).exp(),

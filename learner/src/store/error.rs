@@ -47,8 +47,8 @@ pub enum StoreError {
          give another --out"
     )]
     CannotOpen { path: PathBuf },
-    #[error("{path}: {source}")]
-    Sql { path: PathBuf, source: rusqlite::Error },
+    #[error("{path}: {cause}")]
+    Sql { path: PathBuf, cause: rusqlite::Error },
 }
 
 impl StoreError {
@@ -80,7 +80,7 @@ impl StoreError {
             }
             Some(ErrorCode::DatabaseBusy | ErrorCode::DatabaseLocked) => StoreError::Busy { path },
             Some(ErrorCode::CannotOpen) => StoreError::CannotOpen { path },
-            _ => StoreError::Sql { path, source },
+            _ => StoreError::Sql { path, cause: source },
         }
     }
 }

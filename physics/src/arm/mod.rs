@@ -8,7 +8,8 @@ mod frames;
 pub mod inverse_kinematics;
 pub mod kinematics;
 mod model;
-mod urdf;
+pub mod start_posture;
+pub mod urdf;
 
 use nalgebra::{SMatrix, SVector};
 
@@ -16,7 +17,7 @@ pub use frames::BodyFrames;
 pub use inverse_kinematics::IkError;
 pub use kinematics::TipKinematics;
 pub use model::{ArmModel, Body, JointLimits};
-pub use urdf::{UrdfError, UrdfFileError};
+pub use urdf::{ArmSettings, LoadedArm, UrdfError, UrdfFault, UrdfFileError};
 
 /// Most joints an arm may have; the size of every joint-space quantity.
 pub const MAX_JOINTS: usize = 7;

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
-use super::urdf::{self, UrdfError, UrdfFileError};
+use super::urdf::{self, ArmSettings, LoadedArm, UrdfError, UrdfFileError};
 use super::{JointVector, MAX_JOINTS};
 
 /// One moving body B with everything that is rigidly fixed to it, and the joint that moves it.
@@ -64,12 +64,21 @@ impl ArmModel {
     /// Reads an arm from URDF text; `tip` names the link whose frame becomes the task frame.
     ///
     /// The chain is the path from the root link to `tip`. Links held by fixed joints are merged
-    /// into the body that carries them, also those beyond the tip or beside the chain.
+    /// into the body that carries them, also those beyond the tip or beside the chain. Joints that
+    /// move but are not on the chain are held.
     ///
     /// # Errors
-    /// [`UrdfError`] names the link or joint at fault and the remedy.
+    /// [`UrdfError`] names everything that is wrong, with line, link or joint and the remedy.
     pub fn from_urdf(text: &str, tip: &str) -> Result<ArmModel, UrdfError> {
-        urdf::parse(text, tip)
+        Self::load(text, tip, &ArmSettings::default()).map(|loaded| loaded.model)
+    }
+
+    /// [`ArmModel::from_urdf`] with what `settings` say, and what was assumed beside the model.
+    ///
+    /// # Errors
+    /// As [`ArmModel::from_urdf`].
+    pub fn load(text: &str, tip: &str, settings: &ArmSettings) -> Result<LoadedArm, UrdfError> {
+        urdf::load(text, tip, settings)
     }
 
     /// Reads an arm from a URDF file, see [`ArmModel::from_urdf`].
@@ -78,10 +87,8 @@ impl ArmModel {
     /// [`UrdfFileError`] names the file as well.
     pub fn from_urdf_file(path: impl AsRef<Path>, tip: &str) -> Result<ArmModel, UrdfFileError> {
         let path = path.as_ref();
-        let text = std::fs::read_to_string(path)
-            .map_err(|source| UrdfFileError::Read { path: path.into(), source })?;
-        Self::from_urdf(&text, tip)
-            .map_err(|source| UrdfFileError::Invalid { path: path.into(), source })
+        Self::from_urdf(&urdf::read_file(path)?, tip)
+            .map_err(|error| UrdfFileError::Invalid { path: path.into(), error })
     }
 
     /// Number of moving joints, 1 to [`MAX_JOINTS`].
@@ -107,6 +114,15 @@ impl ArmModel {
     /// The moving bodies from the base to the tip, `n_joints` of them.
     pub fn bodies(&self) -> &[Body] {
         &self.bodies[..self.n_joints]
+    }
+
+    /// The same arm with another tip frame, at `X_BP` in the last body.
+    pub fn with_tip_offset(&self, X_BP: &Isometry3<f64>) -> ArmModel {
+        ArmModel {
+            R_BP: X_BP.rotation.to_rotation_matrix().into_inner(),
+            p_BP: X_BP.translation.vector,
+            ..self.clone()
+        }
     }
 
     /// Pose X_BP of the tip in the last body.

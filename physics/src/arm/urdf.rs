@@ -1,127 +1,191 @@
-//! URDF to [`ArmModel`]: finds the chain to the tip, merges what is fixed, refuses what would
-//! make the dynamics wrong.
+//! URDF to [`ArmModel`]: finds the chain to the tip, holds and merges what is beside it, and names
+//! everything that would make the dynamics wrong, each with its line.
 
+mod attributes;
+mod chain;
+mod document;
+mod dynamics_check;
+mod finding;
 mod inertia;
+mod limits;
 mod tree;
+mod xml;
 
-use std::path::PathBuf;
+use std::collections::BTreeMap;
+use std::path::Path;
 
-use nalgebra::{Matrix3, Vector3};
-use urdf_rs::Joint;
+use nalgebra::{Isometry3, IsometryMatrix3, Matrix3, Vector3};
 
-use super::model::{ArmModel, Body, JointLimits};
-use super::{JointVector, MAX_JOINTS};
+use super::MAX_JOINTS;
+use super::model::{ArmModel, Body};
+pub use chain::ChainCandidate;
+use finding::Findings;
+pub use finding::{Finding, Note, UrdfError, UrdfFault, UrdfFileError};
 use tree::Tree;
+pub use xml::decode;
 
-/// Why a URDF is not an arm we can compute with.
-#[derive(Debug, thiserror::Error)]
-pub enum UrdfError {
-    /// The text is not URDF, or an element lacks a required attribute.
-    #[error("not readable as URDF: {0}; check the XML and the attributes it names")]
-    Parse(String),
-    /// Two links or two joints have one name.
-    #[error("the name \"{0}\" is used twice; give every link and every joint its own name")]
-    DuplicateName(String),
-    /// A joint refers to a link that does not exist.
-    #[error("joint \"{joint}\" refers to the unknown link \"{link}\"; add the link or correct it")]
-    UnknownLink { joint: String, link: String },
-    /// The requested tip is not a link.
-    #[error("there is no link \"{tip}\" to be the tip; the links are {links}")]
-    UnknownTip { tip: String, links: String },
-    /// The links do not form one tree.
-    #[error("the links do not form one tree: {0}; every link but one needs exactly one parent")]
-    NotATree(String),
-    /// A joint is of a kind this arm cannot have.
-    #[error(
-        "joint \"{joint}\" is {kind}; only revolute joints with limits and fixed joints are \
-         supported"
-    )]
-    UnsupportedJoint { joint: String, kind: String },
-    /// A moving joint lies beside or beyond the chain to the tip.
-    #[error(
-        "joint \"{joint}\" moves but is not on the chain to the tip \"{tip}\"; make it fixed or \
-         choose another tip"
-    )]
-    MovingJointOffChain { joint: String, tip: String },
-    /// Nothing moves.
-    #[error("no revolute joint leads to the tip \"{0}\"; choose a tip further out")]
-    NoMovingJoint(String),
-    /// The chain is too long.
-    #[error(
-        "the chain to the tip has {0} revolute joints, at most {max} are supported; fix some",
-        max = MAX_JOINTS
-    )]
-    TooManyJoints(usize),
-    /// A moving body has no mass at all.
-    #[error(
-        "link \"{0}\" moves but has no inertia; give it an <inertial> with its mass and tensor"
-    )]
-    NoInertia(String),
-    /// A mass is zero or negative.
-    #[error("link \"{link}\" has mass {mass} kg; it must be greater than zero")]
-    NonPositiveMass { link: String, mass: f64 },
-    /// The inertia tensor cannot belong to a body.
-    #[error("link \"{link}\" has an impossible inertia tensor: {reason}; correct its <inertia>")]
-    ImpossibleInertia { link: String, reason: &'static str },
-    /// The axis of a joint has no direction.
-    #[error("joint \"{0}\" has an axis of zero or non-finite length; give <axis xyz> a direction")]
-    InvalidAxis(String),
-    /// A limit is missing or makes no sense.
-    #[error("joint \"{joint}\": {reason}; set lower, upper, effort and velocity in its <limit>")]
-    InvalidLimit { joint: String, reason: &'static str },
-    /// A number is infinite or not a number.
-    #[error("{0} is not finite; replace it by a number")]
-    NotFinite(String),
+/// Joints or links a file may have: hands and humanoids have about a hundred.
+const MAX_FILE_JOINTS: usize = 2000;
+
+/// What is said about an arm beside its URDF and its tip.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ArmSettings {
+    /// Joints before this link are held, too: the arm begins here. The root link when absent.
+    pub base: Option<String>,
+    /// Joints that are held, by name, and where, rad or m. Those beside the chain are held anyway.
+    pub held: BTreeMap<String, f64>,
+    /// Largest torques, N·m, one a joint; the file's if empty.
+    pub torque_limits: Vec<f64>,
+    /// Largest speeds, rad/s, one a joint; the file's if empty.
+    pub speed_limits: Vec<f64>,
+    /// What the tip link carries beyond what the file says. Its frame becomes the task frame.
+    pub payload: Option<Payload>,
 }
 
-/// Why a URDF file could not be loaded.
-#[derive(Debug, thiserror::Error)]
-pub enum UrdfFileError {
-    /// The file could not be read.
-    #[error("cannot read the URDF {}: {source}; check the path", path.display())]
-    Read { path: PathBuf, source: std::io::Error },
-    /// The file does not describe an arm.
-    #[error("{}: {source}", path.display())]
-    Invalid { path: PathBuf, source: UrdfError },
+/// A body fixed to the tip link.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Payload {
+    /// Its frame in the tip link.
+    pub X_TP: Isometry3<f64>,
+    /// Mass, kg.
+    pub mass: f64,
+    /// Centre of mass in its frame, m.
+    pub p_cm: Vector3<f64>,
+    /// Inertia about the centre of mass in the axes of its frame, kg·m².
+    pub I_cm: Matrix3<f64>,
 }
 
-/// See [`ArmModel::from_urdf`].
-pub(super) fn parse(text: &str, tip: &str) -> Result<ArmModel, UrdfError> {
-    let robot =
-        urdf_rs::read_from_string(text).map_err(|error| UrdfError::Parse(error.to_string()))?;
-    let tree = Tree::new(&robot)?;
-    let chain = tree.moving_chain(tip)?;
-    let placements = tree.place_links(&chain, tip)?;
+/// A joint that does not move, because it is not on the chain.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HeldJoint {
+    /// Its name and line.
+    pub joint: String,
+    pub line: u32,
+    /// Where it is held, rad or m.
+    pub position: f64,
+    /// It slides: its position is in m.
+    pub is_linear: bool,
+    /// The settings say where.
+    pub is_given: bool,
+}
 
-    let mut limits = JointLimits {
-        q_min: JointVector::zeros(),
-        q_max: JointVector::zeros(),
-        qd_max: JointVector::zeros(),
-        tau_max: JointVector::zeros(),
-    };
-    let mut bodies = [UNUSED_BODY; MAX_JOINTS];
-    for (i, &joint) in chain.iter().enumerate() {
-        read_limits(joint, i, &mut limits)?;
-        let X_AB0 = tree::joint_pose(joint, &placements)?;
-        let mass = inertia::merge(i, joint, &placements)?;
-        bodies[i] = Body {
-            R_AB0: X_AB0.rotation.into_inner(),
-            p_AB: X_AB0.translation.vector,
-            mass: mass.mass,
-            p_BBcm: mass.p_cm,
-            I_BBcm: mass.I_cm,
-        };
+/// A URDF as it was read.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LoadedArm {
+    /// What to compute with.
+    pub model: ArmModel,
+    /// What was assumed or left out.
+    pub notes: Vec<Note>,
+    /// The moving joints that stand still.
+    pub held: Vec<HeldJoint>,
+}
+
+/// Reads a file in whatever encoding it has.
+pub fn read_file(path: &Path) -> Result<String, UrdfFileError> {
+    match std::fs::read(path) {
+        Ok(bytes) => Ok(decode(&bytes)),
+        Err(cause) => Err(UrdfFileError::Read { path: path.into(), cause }),
     }
+}
 
-    let X_BP = tree::placement_of(tip, &placements).X_BL;
-    Ok(ArmModel {
+/// The chains of a URDF that may be its arm, the likeliest first.
+///
+/// # Errors
+/// [`UrdfError`]: it is no tree of links.
+pub fn chains(text: &str) -> Result<Vec<ChainCandidate>, UrdfError> {
+    let mut findings = Findings::default();
+    let robot = document::read(text, &mut findings)?;
+    Ok(chain::candidates(&Tree::new(&robot, &mut findings)?))
+}
+
+/// Is there a link of this name?
+pub fn has_link(text: &str, name: &str) -> bool {
+    document::read(text, &mut Findings::default())
+        .is_ok_and(|robot| robot.links.iter().any(|link| link.name == name))
+}
+
+/// See [`ArmModel::load`].
+pub(super) fn load(text: &str, tip: &str, settings: &ArmSettings) -> Result<LoadedArm, UrdfError> {
+    let mut findings = Findings::default();
+    let robot = document::read(text, &mut findings)?;
+    let tree = Tree::new(&robot, &mut findings)?;
+    let chain = chain::moving(&tree, tip, settings, &mut findings)?;
+    let (positions, held) = chain::hold(&tree, &chain, settings);
+    let placements = tree.place_links(&chain, &positions, &mut findings);
+
+    let X_BT = tree::placement_of(tip, &placements).X_BL;
+    let (payload, X_BP) = match &settings.payload {
+        None => (None, X_BT),
+        Some(payload) => {
+            let X_BP = X_BT * matrix_isometry(&payload.X_TP);
+            (Some(moved(payload, &X_BP)), X_BP)
+        }
+    };
+    let n_used = chain.len().min(MAX_JOINTS);
+    let mut bodies = [UNUSED_BODY; MAX_JOINTS];
+    let are_given = dynamics_check::are_given(&chain, &placements, &mut findings);
+    for (i, &joint) in chain.iter().enumerate() {
+        let X_AB0 = tree::joint_pose(joint, &placements, &mut findings);
+        let payload = payload.as_ref().filter(|_| i + 1 == chain.len());
+        if !are_given {
+            continue;
+        }
+        let mass = inertia::merge(i, joint, &placements, payload, &mut findings);
+        if let Some(body) = bodies.get_mut(i) {
+            *body = Body {
+                R_AB0: X_AB0.rotation.into_inner(),
+                p_AB: X_AB0.translation.vector,
+                mass: mass.mass,
+                p_BBcm: mass.p_cm,
+                I_BBcm: mass.I_cm,
+            };
+        }
+    }
+    let limits = limits::read(&chain[..n_used], &bodies[..n_used], settings, &mut findings);
+    findings.check()?;
+    note_held(&held, &mut findings);
+
+    let model = ArmModel {
         n_joints: chain.len(),
         bodies,
         R_BP: X_BP.rotation.into_inner(),
         p_BP: X_BP.translation.vector,
         joint_names: chain.iter().map(|joint| joint.name.clone()).collect(),
         limits,
-    })
+    };
+    dynamics_check::resist(&model, &chain, &mut findings)?;
+    Ok(LoadedArm { model, notes: findings.into_notes(), held })
+}
+
+/// The payload in the axes of the body whose frame its own lies in at `X_BP`.
+fn moved(payload: &Payload, X_BP: &IsometryMatrix3<f64>) -> Payload {
+    let R = X_BP.rotation.matrix();
+    Payload {
+        p_cm: R * payload.p_cm + X_BP.translation.vector,
+        I_cm: R * payload.I_cm * R.transpose(),
+        ..*payload
+    }
+}
+
+fn matrix_isometry(pose: &Isometry3<f64>) -> IsometryMatrix3<f64> {
+    IsometryMatrix3::from_parts(pose.translation, pose.rotation.to_rotation_matrix())
+}
+
+/// One note for all joints that nobody asked to be held.
+fn note_held(held: &[HeldJoint], findings: &mut Findings) {
+    let assumed: Vec<&HeldJoint> = held.iter().filter(|joint| !joint.is_given).collect();
+    if assumed.is_empty() {
+        return;
+    }
+    let one = |joint: &&HeldJoint| {
+        let unit = if joint.is_linear { "m" } else { "rad" };
+        format!("{} at {} {unit}", joint.joint, (joint.position * 1e6).round() / 1e6)
+    };
+    let text = format!(
+        "not on the chain and held: {}; `held` in [plant] holds them elsewhere",
+        assumed.iter().map(one).collect::<Vec<_>>().join(", ")
+    );
+    findings.note(assumed[0].line, text);
 }
 
 /// Fills the places of joints the arm does not have; never read by the algorithms.
@@ -132,28 +196,3 @@ const UNUSED_BODY: Body = Body {
     p_BBcm: Vector3::new(0.0, 0.0, 0.0),
     I_BBcm: Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
 };
-
-/// Copies the limits of joint `i`. A missing `<limit>` reads as zeros and is refused here.
-fn read_limits(joint: &Joint, i: usize, limits: &mut JointLimits) -> Result<(), UrdfError> {
-    let limit = &joint.limit;
-    let invalid = |reason| UrdfError::InvalidLimit { joint: joint.name.clone(), reason };
-    if ![limit.lower, limit.upper, limit.effort, limit.velocity].iter().all(|x| x.is_finite()) {
-        return Err(invalid("a limit is missing or not finite"));
-    }
-    if limit.lower >= limit.upper {
-        return Err(invalid(
-            "the position limits are missing or the lower one is not below the upper one",
-        ));
-    }
-    if limit.effort <= 0.0 {
-        return Err(invalid("the effort limit is missing or not above zero"));
-    }
-    if limit.velocity <= 0.0 {
-        return Err(invalid("the velocity limit is missing or not above zero"));
-    }
-    limits.q_min[i] = limit.lower;
-    limits.q_max[i] = limit.upper;
-    limits.qd_max[i] = limit.velocity;
-    limits.tau_max[i] = limit.effort;
-    Ok(())
-}

@@ -1,19 +1,22 @@
-//! The tree of links: which joints move the tip, and on which moving body each link sits.
+//! The tree of links: which joints move the tip, which are held where, and on which moving body
+//! each link sits.
 
 use std::collections::{HashMap, HashSet};
 
-use nalgebra::{IsometryMatrix3, Rotation3, Translation3, Vector3};
-use urdf_rs::{Joint, JointType, Link, Robot};
+use nalgebra::{IsometryMatrix3, Rotation3, Translation3, Unit, Vector3};
 
-use super::UrdfError;
-use crate::arm::MAX_JOINTS;
+use super::document::{Joint, Kind, Link, Robot};
+use super::finding::{Findings, UrdfError, UrdfFault};
 
 /// A URDF whose links are known to form one tree.
 pub(super) struct Tree<'a> {
-    robot: &'a Robot,
-    root: &'a Link,
+    pub robot: &'a Robot,
+    pub root: &'a Link,
+    links: HashMap<&'a str, &'a Link>,
     /// The joint that carries each link, by the link's name; all but the root have one.
     joint_into: HashMap<&'a str, &'a Joint>,
+    /// Every link after the one that carries it.
+    order: Vec<(&'a Link, Option<&'a Joint>)>,
 }
 
 /// Where a link is.
@@ -36,107 +39,141 @@ pub(super) fn placement_of<'p, 'a>(
 
 impl<'a> Tree<'a> {
     /// Checks names and shape of the tree.
-    pub fn new(robot: &'a Robot) -> Result<Self, UrdfError> {
-        let mut links = HashSet::new();
+    pub fn new(robot: &'a Robot, findings: &mut Findings) -> Result<Self, UrdfError> {
+        if robot.joints.len().max(robot.links.len()) > super::MAX_FILE_JOINTS {
+            return Err(UrdfFault::TooLarge(robot.joints.len()).into());
+        }
+        let mut links = HashMap::new();
         for link in &robot.links {
-            if !links.insert(link.name.as_str()) {
-                return Err(UrdfError::DuplicateName(link.name.clone()));
+            if links.insert(link.name.as_str(), link).is_some() {
+                findings.fault(link.line, UrdfFault::DuplicateName(link.name.clone()));
             }
         }
         let mut joints = HashSet::new();
         let mut joint_into: HashMap<&str, &Joint> = HashMap::new();
         for joint in &robot.joints {
             if !joints.insert(joint.name.as_str()) {
-                return Err(UrdfError::DuplicateName(joint.name.clone()));
+                findings.fault(joint.line, UrdfFault::DuplicateName(joint.name.clone()));
             }
-            for link in [&joint.parent.link, &joint.child.link] {
-                if !links.contains(link.as_str()) {
-                    let (joint, link) = (joint.name.clone(), link.clone());
-                    return Err(UrdfError::UnknownLink { joint, link });
+            for link in [&joint.parent, &joint.child] {
+                if !links.contains_key(link.as_str()) {
+                    let (joint_name, link) = (joint.name.clone(), link.clone());
+                    findings.fault(joint.line, UrdfFault::UnknownLink { joint: joint_name, link });
                 }
             }
-            if joint_into.insert(&joint.child.link, joint).is_some() {
-                let message = format!("the link \"{}\" has several parents", joint.child.link);
-                return Err(UrdfError::NotATree(message));
+            if joint_into.insert(&joint.child, joint).is_some() {
+                let message = format!("the link \"{}\" has several parents", joint.child);
+                findings.fault(joint.line, UrdfFault::NotATree(message));
             }
         }
-        let roots: Vec<&Link> = robot
-            .links
-            .iter()
-            .filter(|link| !joint_into.contains_key(link.name.as_str()))
-            .collect();
-        match roots[..] {
-            [root] => Ok(Self { robot, root, joint_into }),
-            [] => Err(UrdfError::NotATree("no link is without a parent".into())),
-            _ => {
+        findings.check()?;
+
+        let is_root = |link: &&Link| !joint_into.contains_key(link.name.as_str());
+        let roots: Vec<&Link> = robot.links.iter().filter(is_root).collect();
+        let root = match roots[..] {
+            [root] => root,
+            [] => {
+                return Err(UrdfFault::NotATree("no link is without a parent".into()).into());
+            }
+            [_, other, ..] => {
                 let names: Vec<_> = roots.iter().map(|link| link.name.as_str()).collect();
-                Err(UrdfError::NotATree(format!("the roots are {}", names.join(", "))))
+                let message = format!("the roots are {}", names.join(", "));
+                findings.fault(other.line, UrdfFault::NotATree(message));
+                findings.check()?;
+                other
             }
-        }
-    }
-
-    /// The moving joints from the root to `tip`.
-    pub fn moving_chain(&self, tip: &str) -> Result<Vec<&'a Joint>, UrdfError> {
-        if !self.robot.links.iter().any(|link| link.name == tip) {
-            let names: Vec<_> = self.robot.links.iter().map(|link| link.name.as_str()).collect();
-            return Err(UrdfError::UnknownTip { tip: tip.into(), links: names.join(", ") });
-        }
-        let mut chain = Vec::new();
-        let mut link = tip;
-        // A loop apart from the root would be climbed for ever.
-        for _ in 0..self.robot.links.len() {
-            let Some(joint) = self.joint_into.get(link) else { break };
-            if is_moving(joint)? {
-                chain.push(*joint);
-            }
-            link = &joint.parent.link;
-        }
-        if link != self.root.name {
-            return Err(UrdfError::NotATree(format!("the link \"{tip}\" is part of a loop")));
-        }
-        chain.reverse();
-        match chain.len() {
-            0 => Err(UrdfError::NoMovingJoint(tip.into())),
-            1..=MAX_JOINTS => Ok(chain),
-            n => Err(UrdfError::TooManyJoints(n)),
-        }
-    }
-
-    /// Says on which moving body each link sits; parents come before their children.
-    pub fn place_links(
-        &self,
-        chain: &[&'a Joint],
-        tip: &str,
-    ) -> Result<Vec<Placement<'a>>, UrdfError> {
-        let root = Placement { link: self.root, body: None, X_BL: IsometryMatrix3::identity() };
-        let mut placements = vec![root];
+        };
+        let mut tree = Tree { robot, root, links, joint_into, order: vec![(root, None)] };
         let mut next = 0;
-        while next < placements.len() {
-            let parent = placements[next].link.name.as_str();
-            for joint in self.robot.joints.iter().filter(|joint| joint.parent.link == parent) {
-                let link = self.robot.links.iter().find(|link| link.name == joint.child.link);
-                let link = link.expect("checked in new");
-                let on_chain = chain.iter().position(|moving| moving.name == joint.name);
-                let placement = match on_chain {
-                    Some(i) => Placement { link, body: Some(i), X_BL: z_to_axis(joint)?.inverse() },
-                    None if joint.joint_type == JointType::Fixed => Placement {
-                        link,
-                        body: placements[next].body,
-                        X_BL: placements[next].X_BL * origin(joint)?,
-                    },
-                    None => {
-                        let (joint, tip) = (joint.name.clone(), tip.into());
-                        return Err(UrdfError::MovingJointOffChain { joint, tip });
-                    }
-                };
-                placements.push(placement);
+        while let Some(&(parent, _)) = tree.order.get(next) {
+            for joint in tree.joints_of(parent) {
+                tree.order.push((tree.links[joint.child.as_str()], Some(joint)));
             }
             next += 1;
         }
-        match placements.len() == self.robot.links.len() {
-            true => Ok(placements),
-            false => Err(UrdfError::NotATree("some links form a loop of their own".into())),
+        match tree.order.len() == robot.links.len() {
+            true => Ok(tree),
+            false => Err(UrdfFault::NotATree("some links form a loop of their own".into()).into()),
         }
+    }
+
+    pub fn joints_of(&self, parent: &'a Link) -> impl Iterator<Item = &'a Joint> + use<'a> {
+        self.robot.joints.iter().filter(|joint| joint.parent == parent.name)
+    }
+
+    pub fn link(&self, name: &str) -> Option<&'a Link> {
+        self.links.get(name).copied()
+    }
+
+    /// The link of the name, or the fault that it is not there.
+    pub fn expect_link(&self, role: &'static str, name: &str) -> Result<&'a Link, UrdfError> {
+        self.link(name).ok_or_else(|| {
+            let names: Vec<_> = self.robot.links.iter().map(|link| link.name.as_str()).collect();
+            let (link, links) = (name.to_string(), names.join(", "));
+            UrdfFault::NoSuchLink { role, link, links }.into()
+        })
+    }
+
+    /// All joints from the root to a link that exists.
+    pub fn path(&self, link: &str) -> Vec<&'a Joint> {
+        let mut path = Vec::new();
+        let mut at = link;
+        while let Some(joint) = self.joint_into.get(at) {
+            path.push(*joint);
+            at = &joint.parent;
+        }
+        path.reverse();
+        path
+    }
+
+    /// Says on which moving body each link sits; parents come before their children. Joints beside
+    /// the chain stand still at their `positions`.
+    pub fn place_links(
+        &self,
+        chain: &[&'a Joint],
+        positions: &HashMap<&str, f64>,
+        findings: &mut Findings,
+    ) -> Vec<Placement<'a>> {
+        let mut placements: Vec<Placement> = Vec::new();
+        for &(link, joint) in &self.order {
+            let Some(joint) = joint else {
+                placements.push(Placement { link, body: None, X_BL: IsometryMatrix3::identity() });
+                continue;
+            };
+            let on_chain = chain.iter().position(|moving| moving.name == joint.name);
+            placements.push(match on_chain {
+                Some(i) => {
+                    Placement { link, body: Some(i), X_BL: z_to_axis(joint, findings).inverse() }
+                }
+                None => {
+                    let parent = placement_of(&joint.parent, &placements);
+                    let position = positions.get(joint.name.as_str()).copied().unwrap_or(0.0);
+                    let mut X_BL = parent.X_BL * joint.X_PJ;
+                    if position != 0.0 {
+                        X_BL *= motion(joint, position, findings);
+                    }
+                    Placement { link, body: parent.body, X_BL }
+                }
+            });
+        }
+        placements
+    }
+}
+
+/// Adds the link that a part of a larger robot hangs on and does not bring along, such as "world".
+pub(super) fn add_root(robot: &mut Robot, findings: &mut Findings) {
+    let has_link = |name: &str| robot.links.iter().any(|link| link.name == name);
+    let mut roots: Vec<&Joint> =
+        robot.joints.iter().filter(|joint| !has_link(&joint.parent)).collect();
+    roots.dedup_by_key(|joint| &joint.parent);
+    let is_carried = |link: &Link| robot.joints.iter().any(|joint| joint.child == link.name);
+    if let [joint] = roots[..]
+        && robot.links.iter().all(is_carried)
+    {
+        let text = format!("the link \"{}\" is not in the file: taken as the world", joint.parent);
+        findings.note(joint.line, text);
+        let (name, line) = (joint.parent.clone(), joint.line);
+        robot.links.push(Link { name, line, inertial: None, has_shape: false });
     }
 }
 
@@ -144,52 +181,37 @@ impl<'a> Tree<'a> {
 pub(super) fn joint_pose(
     joint: &Joint,
     placements: &[Placement],
-) -> Result<IsometryMatrix3<f64>, UrdfError> {
-    let parent = placement_of(&joint.parent.link, placements);
-    Ok(parent.X_BL * origin(joint)? * z_to_axis(joint)?)
+    findings: &mut Findings,
+) -> IsometryMatrix3<f64> {
+    let parent = placement_of(&joint.parent, placements);
+    parent.X_BL * joint.X_PJ * z_to_axis(joint, findings)
 }
 
-/// Converts a URDF pose: fixed-axis angles, R = Rz(yaw)·Ry(pitch)·Rx(roll).
-pub(super) fn pose(
-    pose: &urdf_rs::Pose,
-    what: impl Fn() -> String,
-) -> Result<IsometryMatrix3<f64>, UrdfError> {
-    if !pose.xyz.iter().chain(pose.rpy.iter()).all(|x| x.is_finite()) {
-        return Err(UrdfError::NotFinite(what()));
+/// What a held joint at `position` (rad or m) adds to its origin.
+fn motion(joint: &Joint, position: f64, findings: &mut Findings) -> IsometryMatrix3<f64> {
+    let Some(axis) = joint.direction() else {
+        findings.fault(joint.line, UrdfFault::InvalidAxis(joint.name.clone()));
+        return IsometryMatrix3::identity();
+    };
+    let mut motion = IsometryMatrix3::identity();
+    match joint.kind {
+        Kind::Prismatic => motion.translation = Translation3::from(axis * position),
+        Kind::Revolute | Kind::Continuous => {
+            motion.rotation = Rotation3::from_axis_angle(&Unit::new_unchecked(axis), position);
+        }
+        Kind::Fixed | Kind::Floating | Kind::Planar | Kind::Spherical => {}
     }
-    let [roll, pitch, yaw] = pose.rpy.0;
-    let rotation = Rotation3::from_euler_angles(roll, pitch, yaw);
-    Ok(IsometryMatrix3::from_parts(Translation3::from(pose.xyz.0), rotation))
-}
-
-fn origin(joint: &Joint) -> Result<IsometryMatrix3<f64>, UrdfError> {
-    pose(&joint.origin, || format!("the origin of joint \"{}\"", joint.name))
+    motion
 }
 
 /// The rotation from the URDF link frame to our body frame, whose z axis is the joint axis.
-fn z_to_axis(joint: &Joint) -> Result<IsometryMatrix3<f64>, UrdfError> {
-    let axis = Vector3::from(joint.axis.xyz.0);
-    let axis = match axis.try_normalize(1e-9) {
-        Some(axis) if axis.iter().all(|x| x.is_finite()) => axis,
-        _ => return Err(UrdfError::InvalidAxis(joint.name.clone())),
+fn z_to_axis(joint: &Joint, findings: &mut Findings) -> IsometryMatrix3<f64> {
+    let Some(axis) = joint.direction() else {
+        findings.fault(joint.line, UrdfFault::InvalidAxis(joint.name.clone()));
+        return IsometryMatrix3::identity();
     };
     // Opposite vectors leave the turning direction open: take x.
     let rotation = Rotation3::rotation_between(&Vector3::z(), &axis)
         .unwrap_or_else(|| Rotation3::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
-    Ok(IsometryMatrix3::from_parts(Translation3::identity(), rotation))
-}
-
-/// Does a joint on the chain move? Only revolute and fixed joints are allowed there.
-fn is_moving(joint: &Joint) -> Result<bool, UrdfError> {
-    let kind = match joint.joint_type {
-        JointType::Fixed => return Ok(false),
-        JointType::Revolute if joint.mimic.is_none() => return Ok(true),
-        JointType::Revolute => "a mimic joint",
-        JointType::Continuous => "continuous, without position limits",
-        JointType::Prismatic => "prismatic",
-        JointType::Floating => "floating",
-        JointType::Planar => "planar",
-        JointType::Spherical => "spherical",
-    };
-    Err(UrdfError::UnsupportedJoint { joint: joint.name.clone(), kind: kind.into() })
+    IsometryMatrix3::from_parts(Translation3::identity(), rotation)
 }

@@ -1,0 +1,167 @@
+//! The table `[plant]`: the arm, its pan and the pancake.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use anyhow::{Result, bail};
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use physics::arm::urdf::Payload;
+use physics::arm::{ArmSettings, JointVector};
+use physics::pancake::{PancakeConfig, WAM7_START_POSTURE};
+use serde::{Deserialize, Serialize};
+
+/// The simulated arm, pan and pancake.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PlantConfig {
+    /// URDF of the arm; the built-in WAM when absent.
+    pub arm: Option<PathBuf>,
+    /// Link whose frame is the pan: origin on its surface, z its normal. With `pan`, any link that
+    /// is to carry one.
+    pub tip: String,
+    /// Link at which the arm begins: moving joints before it are held. The root when absent.
+    pub base: Option<String>,
+    /// Where rollouts start; the pan must be level there.
+    pub start_posture_rad: Vec<f64>,
+    pub pancake_mass_kg: f64,
+    pub pancake_radius_m: f64,
+    /// Start of the pancake relative to the centre of the pan.
+    pub pancake_offset_m: [f64; 2],
+    pub friction: f64,
+    pub restitution: f64,
+    pub contact_frequency_hz: f64,
+    pub contact_damping_ratio: f64,
+    pub solver_iterations: usize,
+    /// One a joint, instead of the effort and velocity limits of the URDF; those when empty.
+    pub torque_limits_nm: Vec<f64>,
+    pub speed_limits_rad_s: Vec<f64>,
+    /// A pan fixed to the tip link, for a URDF without one.
+    pub pan: Option<PanConfig>,
+    /// Joints that stand still, and where, rad or m. Those beside the arm stand at 0 otherwise.
+    pub held: BTreeMap<String, f64>,
+}
+
+/// A frying pan, a disc, on the tip link.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PanConfig {
+    pub mass_kg: f64,
+    /// Where the centre of its surface is in the link, and how it is turned there, as in a URDF.
+    pub xyz_m: [f64; 3],
+    pub rpy_rad: [f64; 3],
+}
+
+impl Default for PlantConfig {
+    fn default() -> Self {
+        let world = PancakeConfig::default();
+        PlantConfig {
+            arm: None,
+            tip: "pan".into(),
+            base: None,
+            start_posture_rad: WAM7_START_POSTURE.iter().copied().collect(),
+            pancake_mass_kg: world.pancake_mass,
+            pancake_radius_m: world.pancake_radius,
+            pancake_offset_m: world.pancake_offset,
+            friction: world.friction,
+            restitution: world.restitution,
+            contact_frequency_hz: world.contact_frequency_hz,
+            contact_damping_ratio: world.contact_damping_ratio,
+            solver_iterations: world.solver_iterations,
+            torque_limits_nm: Vec::new(),
+            speed_limits_rad_s: Vec::new(),
+            pan: None,
+            held: BTreeMap::new(),
+        }
+    }
+}
+
+impl PlantConfig {
+    pub fn world(&self, period_s: f64) -> PancakeConfig {
+        PancakeConfig {
+            period_s,
+            pancake_mass: self.pancake_mass_kg,
+            pancake_radius: self.pancake_radius_m,
+            pancake_offset: self.pancake_offset_m,
+            friction: self.friction,
+            restitution: self.restitution,
+            contact_frequency_hz: self.contact_frequency_hz,
+            contact_damping_ratio: self.contact_damping_ratio,
+            solver_iterations: self.solver_iterations,
+            ..PancakeConfig::default()
+        }
+    }
+
+    /// What is said about the arm beside its URDF.
+    pub fn arm_settings(&self) -> ArmSettings {
+        ArmSettings {
+            base: self.base.clone(),
+            held: self.held.clone(),
+            torque_limits: self.torque_limits_nm.clone(),
+            speed_limits: self.speed_limits_rad_s.clone(),
+            payload: self.pan.as_ref().map(PanConfig::payload),
+        }
+    }
+
+    pub fn start_posture(&self) -> JointVector {
+        let mut q = JointVector::zeros();
+        for (q, value) in q.iter_mut().zip(&self.start_posture_rad) {
+            *q = *value;
+        }
+        q
+    }
+
+    pub(super) fn validate(&self) -> Result<()> {
+        for (field, value, min, max) in [
+            ("pancake_mass_kg", self.pancake_mass_kg, 1e-3, 2.0),
+            ("pancake_radius_m", self.pancake_radius_m, 0.02, 0.125),
+            ("pancake_offset_m[0]", self.pancake_offset_m[0], -0.1, 0.1),
+            ("pancake_offset_m[1]", self.pancake_offset_m[1], -0.1, 0.1),
+            ("friction", self.friction, 0.0, 2.0),
+            ("restitution", self.restitution, 0.0, 1.0),
+            ("contact_frequency_hz", self.contact_frequency_hz, 5.0, 500.0),
+            ("contact_damping_ratio", self.contact_damping_ratio, 0.1, 20.0),
+            ("solver_iterations", self.solver_iterations as f64, 1.0, 64.0),
+        ] {
+            if !(min..=max).contains(&value) {
+                bail!("plant.{field} is {value}: use a value within {min}..={max}");
+            }
+        }
+        let posture = &self.start_posture_rad;
+        if posture.is_empty() || posture.len() > physics::arm::MAX_JOINTS {
+            bail!(
+                "plant.start_posture_rad has {} numbers: give one a joint of the arm, 1 to {}",
+                posture.len(),
+                physics::arm::MAX_JOINTS
+            );
+        }
+        if let Some(bad) = posture.iter().find(|q| !q.is_finite()) {
+            bail!("plant.start_posture_rad holds {bad}: give finite angles in rad");
+        }
+        self.pan.as_ref().map_or(Ok(()), PanConfig::validate)
+    }
+}
+
+impl PanConfig {
+    /// The pan's frame in the tip link.
+    pub fn pose(&self) -> Isometry3<f64> {
+        let [roll, pitch, yaw] = self.rpy_rad;
+        let rotation = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
+        Isometry3::from_parts(Translation3::from(Vector3::from(self.xyz_m)), rotation)
+    }
+
+    fn payload(&self) -> Payload {
+        PancakeConfig::default().pan(self.mass_kg, &self.pose())
+    }
+
+    fn validate(&self) -> Result<()> {
+        if !(0.01..=20.0).contains(&self.mass_kg) {
+            bail!("plant.pan.mass_kg is {}: use a value within 0.01..=20", self.mass_kg);
+        }
+        for (field, values, max) in [("xyz_m", self.xyz_m, 2.0), ("rpy_rad", self.rpy_rad, 7.0)] {
+            if let Some(bad) = values.iter().find(|value| !(-max..=max).contains(*value)) {
+                bail!("plant.pan.{field} holds {bad}: use values within {}..={max}", -max);
+            }
+        }
+        Ok(())
+    }
+}
