@@ -97,7 +97,8 @@ pub fn words(text: &str) -> Vec<String> {
     for c in text.chars() {
         let kind = match c {
             _ if c.is_ascii_digit() => Some(Kind::Digit),
-            _ if c.is_uppercase() => Some(Kind::Upper),
+            // One word with what follows, µs as well as µS.
+            _ if c.is_uppercase() || matches!(c, 'µ' | 'μ') => Some(Kind::Upper),
             _ if c.is_alphanumeric() || c == '°' => Some(Kind::Lower),
             _ => None,
         };
@@ -130,6 +131,7 @@ mod tests {
             ("time/s", "time", Some("s")),
             ("Time in ms", "time", Some("ms")),
             ("timestamp_µs", "timestamp", Some("µs")),
+            ("TIMESTAMP_µS", "timestamp", Some("µs")),
             ("__time", "time", None),
             ("x_mm", "x", Some("mm")),
             ("X", "x", None),

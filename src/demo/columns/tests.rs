@@ -48,17 +48,25 @@ fn finds_columns_in_any_order_with_their_units() {
     assert!(columns.ignored.is_empty());
 }
 
+const FRANKA: &str = "time, success_rate, state.q[0], state.q[1],state.q_d[0],state.q_d[1],state.dq[0],\
+     state.dq[1],state.tau_J[0],state.tau_J[1],cmd.q_d[0],cmd.q_d[1]";
+const ROSTOPIC: &str = "%time,field.header.seq,field.header.stamp,field.header.frame_id,field.pose.position.x,\
+     field.pose.position.y,field.pose.position.z,field.pose.orientation.x,\
+     field.pose.orientation.y,field.pose.orientation.z,field.pose.orientation.w";
+const UR: &str = "timestamp,target_q_0,target_q_1,actual_q_0,actual_q_1,actual_qd_0,actual_qd_1,\
+     actual_TCP_pose_0,actual_TCP_pose_1,actual_TCP_pose_2,actual_TCP_pose_3,\
+     actual_TCP_pose_4,actual_TCP_pose_5";
+
+/// Header, joints of the arm, and the columns that must be found for time and quantities.
+fn check(cases: &[(&str, usize, &str, &str)]) {
+    for (header, n, time, values) in cases {
+        assert_eq!(found(header, *n, ""), (time.to_string(), values.to_string()), "{header}");
+    }
+}
+
 #[test]
-fn knows_the_names_that_recorders_write() {
-    let franka = "time, success_rate, state.q[0], state.q[1],state.q_d[0],state.q_d[1],state.dq[0],\
-                  state.dq[1],state.tau_J[0],state.tau_J[1],cmd.q_d[0],cmd.q_d[1]";
-    let rostopic = "%time,field.header.seq,field.header.stamp,field.header.frame_id,field.pose.position.x,\
-                    field.pose.position.y,field.pose.position.z,field.pose.orientation.x,\
-                    field.pose.orientation.y,field.pose.orientation.z,field.pose.orientation.w";
-    let ur = "timestamp,target_q_0,target_q_1,actual_q_0,actual_q_1,actual_qd_0,actual_qd_1,\
-              actual_TCP_pose_0,actual_TCP_pose_1,actual_TCP_pose_2,actual_TCP_pose_3,\
-              actual_TCP_pose_4,actual_TCP_pose_5";
-    for (header, n, time, values) in [
+fn knows_the_names_that_recorders_of_poses_write() {
+    check(&[
         ("T_S,X_MM,Y_MM,Z_MM", 2, "T_S", "X_MM Y_MM Z_MM"),
         ("time/s,Q1 [deg],Q2 [deg]", 2, "time/s", "Q1 [deg] Q2 [deg]"),
         (
@@ -69,7 +77,7 @@ fn knows_the_names_that_recorders_write() {
         ),
         ("# timestamp,tx,ty,tz,qx,qy,qz,qw", 2, "timestamp", "tx ty tz qw qx qy qz"),
         (
-            rostopic,
+            ROSTOPIC,
             2,
             "field.header.stamp",
             "field.pose.position.x field.pose.position.y \
@@ -98,16 +106,22 @@ fn knows_the_names_that_recorders_write() {
             "/tool/pose/position/x /tool/pose/position/y /tool/pose/position/z \
          /tool/pose/orientation/w /tool/pose/orientation/x /tool/pose/orientation/y /tool/pose/orientation/z",
         ),
-        (ur, 2, "timestamp", "actual_q_0 actual_q_1"),
+    ]);
+}
+
+#[test]
+fn knows_the_names_that_recorders_of_joints_write() {
+    check(&[
+        (UR, 2, "timestamp", "actual_q_0 actual_q_1"),
         // Not the joints of this arm, but a pose.
         (
-            ur,
+            UR,
             7,
             "timestamp",
             "actual_TCP_pose_0 actual_TCP_pose_1 actual_TCP_pose_2 actual_TCP_pose_4 \
             actual_TCP_pose_3 actual_TCP_pose_5",
         ),
-        (franka, 2, "time", "state.q[0] state.q[1]"),
+        (FRANKA, 2, "time", "state.q[0] state.q[1]"),
         (
             "timestamp,frame_index,episode_index,observation.state_0,observation.state_1,action_0,action_1",
             2,
@@ -123,15 +137,13 @@ fn knows_the_names_that_recorders_write() {
         ("time,q_des_1,q_des_2,q_meas_1,q_meas_2", 2, "time", "q_meas_1 q_meas_2"),
         (",time,J1,J2", 2, "time", "J1 J2"),
         ("Seconds,Joint1Position,Joint2Position", 2, "Seconds", "Joint1Position Joint2Position"),
-    ] {
-        assert_eq!(found(header, n, ""), (time.into(), values.into()), "{header}");
-    }
+    ]);
 }
 
 #[test]
-fn knows_a_pose_written_as_a_matrix_column_by_column() {
-    let matrix = (0..16).map(|i| format!(",O_T_EE[{i}]")).collect::<String>();
-    let (_, values) = found(&format!("time{matrix}"), 2, "");
+fn knows_a_matrix_column_by_column() {
+    let header = "time".to_string() + &(0..16).map(|i| format!(",O_T_EE[{i}]")).collect::<String>();
+    let (_, values) = found(&header, 2, "");
     assert!(
         values.starts_with(
             "O_T_EE[12] O_T_EE[13] O_T_EE[14] O_T_EE[0] O_T_EE[1] O_T_EE[2] O_T_EE[4]"
