@@ -160,9 +160,9 @@ fn an_arm_that_cannot_hold_itself_is_refused_before_anything_starts() {
         bench.refused(arguments, &words);
         assert!(!bench.path("s").exists());
     }
-    let verdict = check(&bench, &["arm.urdf", "--pan-kg", "3"], 1);
-    let text = verdict["findings"][0]["text"].as_str().unwrap();
-    assert!(text.contains("its limit is 1 N·m"), "{text}");
+    // Standing upright it can balance a pan, but not move it.
+    let balanced = check(&bench, &["arm.urdf", "--pan-kg", "3"], 0);
+    assert!(balanced["demonstration_misfit"].is_string(), "{balanced}");
 }
 
 /// The start is easy, the demonstration leads where the arm cannot be held.

@@ -128,6 +128,7 @@ pub(super) fn read(text: &str, findings: &mut Findings) -> Result<Robot, UrdfErr
     if let Some(line) = unexpanded.or(has_only_macros.then(|| source.line(root))) {
         findings.fault(line, UrdfFault::Xacro);
     }
+    findings.check()?;
     if robot.links.is_empty() {
         let fault = UrdfFault::Missing { place: "the robot".into(), what: "<link>" };
         findings.fault(source.line(root), fault);

@@ -190,6 +190,7 @@ impl Findings {
     pub fn note_all(&mut self, lines: &[u32], text: impl Into<String>) {
         let others = match lines {
             [] | [_] => String::new(),
+            [_, other] => format!(" (also line {other})"),
             [_, others @ ..] => {
                 let others: Vec<String> = others.iter().map(u32::to_string).collect();
                 format!(" (also lines {})", others.join(", "))

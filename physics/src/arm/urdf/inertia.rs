@@ -34,7 +34,11 @@ pub(super) fn merge(
     let on_body = || placements.iter().filter(|placement| placement.body == Some(i));
     let mut parts: Vec<MassProperties> =
         on_body().filter_map(|placement| in_body(placement, findings)).collect();
-    if parts.is_empty() && on_body().any(|placement| placement.link.has_shape) {
+    let weighs_nothing = |placement: &Placement| {
+        placement.link.inertial.as_ref().is_none_or(|inertial| inertial.mass == 0.0)
+    };
+    let is_frame = !on_body().any(|placement| placement.link.has_shape);
+    if parts.is_empty() && !is_frame && on_body().all(weighs_nothing) {
         let fault = UrdfFault::NoInertia {
             link: joint.child.clone(),
             reason: "moves and has a shape, but no mass",
