@@ -18,7 +18,7 @@ const NO_CONTROLLER: i32 = 3;
 /// controller, the cell `none` has not.
 type Row = (&'static str, &'static [(i32, &'static str)]);
 
-const ROWS: [Row; 37] = [
+const ROWS: [Row; 39] = [
     ("learn", &[(DONE, "pancake --rollouts 2 --out l"), (ERROR, "pancake --config absent.toml")]),
     ("controller", &[(ERROR, "--cell c1"), (ERROR, "--cell UP"), (ERROR, "--config absent.toml")]),
     ("learner", &[(DONE, "--cell c1 --session s"), (ERROR, "--session l2 --config absent.toml")]),
@@ -73,6 +73,15 @@ const ROWS: [Row; 37] = [
     ),
     ("replay", &[(DONE, "s"), (DONE, "s --all"), (ERROR, "nowhere"), (ERROR, "s --trial 99")]),
     (
+        "arm check",
+        &[
+            (DONE, "wam.urdf"),
+            (NEGATIVE, "massless.urdf"),
+            (ERROR, "absent.urdf"),
+            (ERROR, "s/session.toml"),
+        ],
+    ),
+    (
         "demo import",
         &[
             (DONE, "s/demonstration.csv --out d.csv"),
@@ -95,6 +104,7 @@ const ROWS: [Row; 37] = [
     ("man", &[(DONE, "--out man"), (ERROR, "--out file/below")]),
     // No commands of their own, but pages of the manual.
     ("policy", &[(ERROR, "")]),
+    ("arm", &[(ERROR, "")]),
     ("demo", &[(ERROR, "")]),
     ("bench", &[(ERROR, "")]),
 ];
@@ -117,6 +127,8 @@ fn setting() -> (Bench, Running) {
     let bench = Bench::new();
     bench.ok(&["learn", "pancake", "--rollouts", "3", "--out", "s"]);
     bench.write("file", "");
+    bench.write("wam.urdf", include_str!("../robots/wam7/wam7_pan.urdf"));
+    bench.write("massless.urdf", "<robot name=\"r\"><link name=\"base\"/></robot>");
     // At rest, and then out of reach.
     let row = |i: usize| {
         let x = 0.78 + 0.02 * (i.saturating_sub(20)) as f64;

@@ -32,14 +32,14 @@ fn config() -> ControllerConfig {
 /// The `sample`-th measurement: a number seen before is no new one.
 fn measured(q: JointVector, qd: JointVector, sample: u64) -> Measurement {
     let still = IdealArm::new(&ARM, &WAM7_START_POSTURE, 1e-3, 0.01).measure();
-    Measurement { q, qd, object: still.object, sample }
+    Measurement { q, qd, object: still.object, sample, t_ns: sample * 1_000_000 }
 }
 
 /// A controller in the midst of a rollout: a policy swapped in acts at once.
 fn executing() -> Controller<'static> {
     let mut controller =
         Controller::new(&ARM, &WAM7_START_POSTURE, &config(), &OutcomeConfig::default());
-    controller.start(&Policy::new(&springs()), &WAM7_START_POSTURE);
+    controller.start(&Policy::new(&springs()));
     for sample in 0..DRIVEN {
         if controller.phase() == Phase::Execute {
             break;
