@@ -71,7 +71,7 @@ mod tests {
         for _ in 0..100 {
             trust.follow(&way, &lag);
         }
-        let believed: Vec<bool> = (0..5).map(|i| trust.believes(i)).collect();
+        let believed = [0, 1, 2, 3, 4].map(|i| trust.believes(i));
         assert_eq!(believed, [true, false, true, false, false]);
     }
 }

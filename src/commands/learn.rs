@@ -97,7 +97,7 @@ fn prepare(args: &LearnArgs) -> Result<(SessionFolder, Config)> {
     if folder.has_session() {
         folder.expect_same_world(&config)?;
     }
-    setup::arm_notes(&config)?.iter().for_each(|note| eprintln!("warning: {note}"));
+    setup::arm_notes(&config)?.iter().for_each(|note| say(&format!("warning: {note}")));
     setup::check(&config)?;
     if Store::exists(&folder.database()) {
         let session = || format!("session {}", folder.dir().display());

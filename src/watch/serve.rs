@@ -71,7 +71,7 @@ pub fn run(
         }
         vitals.look();
         for change in vitals.changes() {
-            eprintln!("{change}");
+            say(&change);
             scribe.warn(change);
         }
         // Viewers that come later are told, too: it is a state, not an event.
