@@ -12,9 +12,9 @@ use rt_controller::ControllerConfig;
 use serde::{Deserialize, Serialize};
 
 #[path = "config/plant.rs"] // also where the fuzzer takes this file from here
-mod plant;
+pub mod plant;
 
-pub use plant::{PanConfig, PlantConfig};
+pub use plant::PlantConfig;
 
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]

@@ -9,9 +9,10 @@ fuzz_target!(|data: &[u8]| {
     let text = decode(data);
     let candidate = chains(&text).ok().and_then(|chains| chains.into_iter().next());
     let mut tips = vec![("pan".to_string(), ArmSettings::default())];
-    tips.extend(candidate.map(|chain| {
-        (chain.tip, ArmSettings { base: chain.base, ..ArmSettings::default() })
-    }));
+    tips.extend(
+        candidate
+            .map(|chain| (chain.tip, ArmSettings { base: chain.base, ..ArmSettings::default() })),
+    );
     for (tip, settings) in tips {
         check(&text, &tip, &settings);
     }

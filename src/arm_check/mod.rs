@@ -16,7 +16,8 @@ use physics::arm::start_posture::{self, Attitude, StartPosture};
 use physics::arm::urdf::{self, ChainCandidate, LoadedArm, UrdfError};
 
 use crate::cli::arm::CheckArgs;
-use crate::config::{Config, PanConfig};
+use crate::config::Config;
+use crate::config::plant::PanConfig;
 use crate::setup::{self, MAX_TURN_RAD, PANCAKE_DEMONSTRATION};
 use mounting::{Mounting, mountings};
 
