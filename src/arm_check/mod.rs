@@ -18,6 +18,7 @@ use physics::arm::urdf::{self, ChainCandidate, LoadedArm, UrdfError};
 use crate::cli::arm::CheckArgs;
 use crate::config::Config;
 use crate::config::plant::PanConfig;
+use crate::demo::Effort;
 use crate::setup::{self, MAX_TURN_RAD, PANCAKE_DEMONSTRATION};
 use mounting::{Mounting, mountings};
 
@@ -193,7 +194,7 @@ fn best(
     Err(format!("{:#}", crate::holding::check(model, &first.q).expect_err("it cannot be held")))
 }
 
-/// Follows the built-in demonstration, begun at the pan of the posture.
+/// Follows the built-in demonstration, begun at the pan of the posture, at its speed.
 fn misfit(config: &Config, model: &ArmModel, posture: &StartPosture) -> Result<()> {
     let demonstration = Demonstration::parse("built-in demonstration", PANCAKE_DEMONSTRATION)?;
     let poses = demonstration.poses();
@@ -209,7 +210,9 @@ fn misfit(config: &Config, model: &ArmModel, posture: &StartPosture) -> Result<(
         Demonstration::parse("the built-in demonstration, begun at the start posture", &csv)?;
     let mut config = config.clone();
     config.plant.start_posture_rad = posture.q.as_slice()[..model.n_joints()].to_vec();
-    setup::check_demonstration(&config, model, &begun)
+    setup::check_demonstration(&config, model, &begun)?;
+    let effort = Effort::of(model, &config.plant.start_posture(), &begun)?;
+    if effort.is_within_limits() { Ok(()) } else { Err(effort.excess(begun.file(), None)) }
 }
 
 /// Lets the pan move around the start of a large arm, or of one that hangs.

@@ -89,7 +89,9 @@ fn slow_enough(
         let demonstration = Demonstration::parse(file, &imported.csv()).ok()?;
         effort = Effort::of(model, &config.plant.start_posture(), &demonstration).ok()?;
         if effort.is_within_limits() {
-            return Some(options.slow);
+            // Nor may it last longer than a rollout.
+            let fits = setup::check_demonstration(config, model, &demonstration).is_ok();
+            return fits.then_some(options.slow);
         }
     }
     None
