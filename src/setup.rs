@@ -7,7 +7,7 @@ use learner::Demonstration;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use physics::arm::urdf::{self, LoadedArm};
 use physics::arm::{ArmModel, JointVector, inverse_kinematics, kinematics};
-use rt_controller::admission::records_needed;
+use rt_controller::admit::admission::records_needed;
 use shm_types::episode::MAX_RECORDS;
 
 use crate::config::Config;

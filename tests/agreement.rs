@@ -4,8 +4,8 @@ use learner::activation::policy_activations;
 use learner::initial_policy::{InitialPolicyConfig, initial_policy};
 use learner::{Demonstration, activation::Activation, parameters, reward};
 use physics::outcome::OutcomeConfig;
-use rt_controller::admission;
-use rt_controller::policy::Policy;
+use rt_controller::admit::admission;
+use rt_controller::hot::policy::Policy;
 
 /// hᵢ, by which the learner fits attractors and the controller mixes them.
 #[test]

@@ -7,7 +7,7 @@ use libfuzzer_sys::fuzz_target;
 use physics::arm::ArmModel;
 use physics::pancake::WAM7_START_POSTURE;
 use rt_controller::ControllerConfig;
-use rt_controller::admission::admit;
+use rt_controller::admit::admission::admit;
 use rt_controller::fuzzing::dry_run;
 use shm_types::SCHEMA;
 use shm_types::command::{COMMAND_IMPORT, Command};

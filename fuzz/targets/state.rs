@@ -5,7 +5,7 @@ use std::fs;
 use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
-use rt_controller::state_file::State;
+use rt_controller::disk::state_file::State;
 use shm_types::policy_json::to_json;
 use skillet_fuzz::{folder, springs};
 use tempfile::TempDir;

@@ -7,7 +7,7 @@ use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
 use rt_controller::config::Pace;
-use rt_controller::timing_file::{LoopTiming, TimingFile};
+use rt_controller::disk::timing_file::{LoopTiming, TimingFile};
 use skillet_fuzz::folder;
 
 static FILE: LazyLock<PathBuf> = LazyLock::new(|| folder().keep().join("timing.json"));

@@ -3,10 +3,11 @@
 use physics::arm::{ArmModel, JointVector};
 use shm_types::episode::{EpisodeHeader, TickRecord};
 
-use crate::admission::AdmissionError;
+use crate::admit::admission::AdmissionError;
+use crate::admit::dry_run;
 use crate::config::ControllerConfig;
-use crate::policy::Policy;
-use crate::{dry_run, spool};
+use crate::disk::spool;
+use crate::hot::policy::Policy;
 
 /// The content of a file of the spool.
 pub fn decode_spooled(bytes: &[u8]) -> Option<(EpisodeHeader, Vec<TickRecord>)> {

@@ -13,18 +13,18 @@ use shm_types::episode::TickRecord;
 use shm_types::policy::PolicyMsg;
 use thiserror::Error;
 
-use crate::admission::{admit, records_needed};
+use crate::admit::admission::{admit, records_needed};
+use crate::admit::dry_run::dry_run;
 use crate::config::{Alone, ControllerConfig, ControllerConfigError, Pace};
-use crate::dry_run::dry_run;
+use crate::disk::state_file::StateError;
+use crate::disk::timing_file::LoopTiming;
 use crate::exchange::Setup;
-use crate::latch::Latch;
+use crate::exchange::timing::Percentiles;
+use crate::executor::arm::RtLoop;
+use crate::executor::latch::Latch;
+use crate::hot::tick::Controller;
 use crate::rt::{self, Clock};
-use crate::rt_loop::RtLoop;
 use crate::serve::serve;
-use crate::state_file::StateError;
-use crate::tick::Controller;
-use crate::timing::Percentiles;
-use crate::timing_file::LoopTiming;
 
 /// Ticks by which a host is asked whether it can hold the period, and the share of it that they may
 /// take.

@@ -10,14 +10,14 @@ use shm_types::ports::ControllerPorts;
 use shm_types::service_manager::{Notice, notify};
 use shm_types::telemetry::TelemetryTick;
 
+use crate::exchange::loop_report::LoopReport;
+use crate::exchange::swap::Applied;
 use crate::exchange::{Exchange, Setup};
+use crate::executor::flight::FlightRecord;
+use crate::executor::recording::Recording;
 use crate::fault::Fault;
-use crate::flight::FlightRecord;
-use crate::loop_report::LoopReport;
-use crate::recording::Recording;
 use crate::rt::Raised;
 use crate::run::{RunError, RunSummary};
-use crate::swap::Applied;
 
 /// Ticks the telemetry ring holds: 4 s at 1 kHz, 0.2 s at the pace of the simulation.
 const TELEMETRY_RING: usize = 4096;

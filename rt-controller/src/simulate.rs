@@ -6,13 +6,13 @@ use physics::plant::Plant;
 use shm_types::episode::{OutcomeMsg, TickRecord};
 use shm_types::policy::PolicyMsg;
 
-use crate::admission::{AdmissionError, admit};
+use crate::admit::admission::{AdmissionError, admit};
 use crate::config::ControllerConfig;
-use crate::outcome_message::outcome_message;
-use crate::recording::Recording;
-use crate::rollout::Phase;
+use crate::executor::outcome_message::outcome_message;
+use crate::executor::recording::Recording;
+use crate::hot::rollout::Phase;
+use crate::hot::tick::Controller;
 use crate::run::Controlled;
-use crate::tick::Controller;
 
 /// An executed rollout.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -19,10 +19,10 @@ use physics::plant::{Measurement, Plant};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rt_controller::ControllerConfig;
-use rt_controller::admission::{AdmissionError, admit};
-use rt_controller::policy::Policy;
-use rt_controller::rollout::Phase;
-use rt_controller::tick::{Controller, Fault};
+use rt_controller::admit::admission::{AdmissionError, admit};
+use rt_controller::hot::policy::Policy;
+use rt_controller::hot::rollout::Phase;
+use rt_controller::hot::tick::{Controller, Fault};
 use shm_types::episode::TickRecord;
 use shm_types::policy::PolicyMsgError;
 

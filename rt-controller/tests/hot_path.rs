@@ -10,10 +10,10 @@ use physics::arm::{ArmModel, JointVector};
 use physics::pancake::{PancakeConfig, PancakePlant, WAM7_START_POSTURE};
 use physics::plant::{Measurement, Plant};
 use rt_controller::ControllerConfig;
-use rt_controller::admission::admit;
-use rt_controller::policy::Policy;
-use rt_controller::rollout::Phase;
-use rt_controller::tick::{Controller, Fault};
+use rt_controller::admit::admission::admit;
+use rt_controller::hot::policy::Policy;
+use rt_controller::hot::rollout::Phase;
+use rt_controller::hot::tick::{Controller, Fault};
 use shm_types::episode::TickRecord;
 use shm_types::policy::{PolicyMsg, packed_index};
 

@@ -5,9 +5,9 @@ use physics::outcome::OutcomeConfig;
 use physics::pancake::{PancakeConfig, PancakePlant};
 use physics::plant::Plant;
 use rt_controller::ControllerConfig;
-use rt_controller::admission::admit;
-use rt_controller::rollout::Phase;
-use rt_controller::tick::{Controller, Fault};
+use rt_controller::admit::admission::admit;
+use rt_controller::hot::rollout::Phase;
+use rt_controller::hot::tick::{Controller, Fault};
 use shm_types::episode::TickRecord;
 use shm_types::policy::{PolicyMsg, packed_index};
 

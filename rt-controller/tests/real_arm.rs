@@ -11,10 +11,10 @@ use physics::outcome::OutcomeConfig;
 use physics::pancake::WAM7_START_POSTURE;
 use physics::plant::{Measurement, Plant};
 use rt_controller::ControllerConfig;
-use rt_controller::admission::admit;
+use rt_controller::admit::admission::admit;
 use rt_controller::fault::Fault;
-use rt_controller::rollout::Phase;
-use rt_controller::tick::Controller;
+use rt_controller::hot::rollout::Phase;
+use rt_controller::hot::tick::Controller;
 use shm_types::episode::TickRecord;
 
 /// One period: the torque that was commanded.

@@ -9,10 +9,10 @@ use physics::ideal::IdealArm;
 use physics::pancake::WAM7_START_POSTURE;
 use physics::plant::Plant;
 use rt_controller::ControllerConfig;
-use rt_controller::admission::admit;
-use rt_controller::policy::Policy;
-use rt_controller::rollout::Phase;
-use rt_controller::tick::Fault;
+use rt_controller::admit::admission::admit;
+use rt_controller::hot::policy::Policy;
+use rt_controller::hot::rollout::Phase;
+use rt_controller::hot::tick::Fault;
 use shm_types::episode::TickRecord;
 use shm_types::policy::PolicyMsg;
 

@@ -9,12 +9,12 @@ use physics::plant::Plant;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
-use rt_controller::admission::admit;
-use rt_controller::policy::Policy;
-use rt_controller::rollout::Phase;
-use rt_controller::task::TaskState;
-use rt_controller::tick::Controller;
-use rt_controller::wrench::ArmState;
+use rt_controller::admit::admission::admit;
+use rt_controller::hot::policy::Policy;
+use rt_controller::hot::rollout::Phase;
+use rt_controller::hot::task_space::TaskState;
+use rt_controller::hot::tick::Controller;
+use rt_controller::hot::wrench::ArmState;
 use shm_types::episode::TickRecord;
 use shm_types::policy::{PolicyMsg, packed_index};
 

@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 use anyhow::Result;
 use physics::arm::{ArmModel, BodyFrames, TipKinematics, dynamics};
 use physics::plant::Plant;
-use rt_controller::policy::Policy;
-use rt_controller::wrench::{ArmState, operational_space_torque};
+use rt_controller::hot::policy::Policy;
+use rt_controller::hot::wrench::{ArmState, operational_space_torque};
 
 use super::arm::{Arm, Loop, State};
 use super::{Bench, Case, Plan, Row, interleave};

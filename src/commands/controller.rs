@@ -7,9 +7,9 @@ use anyhow::Result;
 use physics::action::Landscape;
 use physics::outcome::OutcomeConfig;
 use physics::pancake::PancakePlant;
+use rt_controller::disk::timing_file::TimingFile;
 use rt_controller::rt::{leave_core, loop_core};
 use rt_controller::run::Controlled;
-use rt_controller::timing_file::TimingFile;
 use rt_controller::{ControllerConfig, Pace, RunSummary};
 use shm_types::cell::Cell;
 

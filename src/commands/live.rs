@@ -4,8 +4,8 @@ use std::hash::{BuildHasher, Hasher, RandomState};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use anyhow::{Context, Result, bail};
+use rt_controller::disk::state_file::State;
 use rt_controller::rt::now_ns;
-use rt_controller::state_file::State;
 use serde_json::json;
 use shm_types::command::{
     AT_NEXT_ROLLOUT, AT_NOW, COMMAND_ACTIVATE, COMMAND_IMPORT, COMMAND_ROLLBACK, Command, LAST_GOOD,

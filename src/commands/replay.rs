@@ -123,11 +123,17 @@ fn flip(config: &Config, policy: PolicyMsg) -> Result<Replayed> {
 }
 
 fn act(world: &impl ActionWorld, policy: PolicyMsg) -> Result<Replayed> {
-    let Some((value, records)) = rt_controller::action::replay(world, &policy) else {
+    let Some((value, records)) = rt_controller::executor::action::replay(world, &policy) else {
         bail!("policy {} is not admitted any more", policy.policy_id);
     };
     let outcome = OutcomeMsg { value, ..OutcomeMsg::ZERO };
-    Ok(Replayed { policy, outcome, fault: 0, records, period_ns: rt_controller::action::PERIOD_NS })
+    Ok(Replayed {
+        policy,
+        outcome,
+        fault: 0,
+        records,
+        period_ns: rt_controller::executor::action::PERIOD_NS,
+    })
 }
 
 fn write(

@@ -9,7 +9,7 @@ use learner::summary::Summary;
 use nalgebra::Vector2;
 use physics::action::ActionWorld;
 use physics::{landscape, skittles};
-use rt_controller::timing_file::{LoopTiming, TimingFile};
+use rt_controller::disk::timing_file::{LoopTiming, TimingFile};
 use serde_json::json;
 use shm_types::episode::OutcomeMsg;
 

@@ -4,8 +4,8 @@ use std::path::Path;
 use std::time::Duration;
 
 use anyhow::Result;
+use rt_controller::disk::flight_files::FAULTS_DIR;
 use rt_controller::fault::Fault;
-use rt_controller::flight_files::FAULTS_DIR;
 use serde_json::json;
 use shm_types::cell::Cell;
 use shm_types::channel::ChannelError;

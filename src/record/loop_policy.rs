@@ -1,6 +1,6 @@
 //! The policy in the loop, as an observer evaluates it again.
 
-use rt_controller::policy::Policy;
+use rt_controller::hot::policy::Policy;
 use shm_types::policy::PolicyMsg;
 
 /// A policy as the loop evaluates it.

@@ -35,7 +35,7 @@ mod timing;
 
 use learner::path::PathRow;
 use nalgebra::DVector;
-use rt_controller::timing_file::LoopTiming;
+use rt_controller::disk::timing_file::LoopTiming;
 use shm_types::episode::OutcomeMsg;
 use shm_types::policy::PolicyMsg;
 

@@ -10,7 +10,7 @@ use learner::path::PathRow;
 use learner::search::Mode;
 use nalgebra::{DMatrix, DVector, SMatrix, SVector, UnitQuaternion, Vector3};
 use rt_controller::Pace;
-use rt_controller::timing_file::LoopTiming;
+use rt_controller::disk::timing_file::LoopTiming;
 use shm_types::episode::{OUTCOME_SUCCESS, OUTCOME_TOSSED, OutcomeMsg};
 use shm_types::policy::{PolicyMsg, packed_index};
 

@@ -1,7 +1,7 @@
 //! How the controller's loop kept its time: wake-up latency and duration of a tick.
 
 use rt_controller::Pace;
-use rt_controller::timing_file::{Bins, LoopTiming};
+use rt_controller::disk::timing_file::{Bins, LoopTiming};
 
 use super::distribution::{Distribution, panel};
 use super::figure::{Figure, Row};

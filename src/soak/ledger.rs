@@ -7,7 +7,7 @@ use anyhow::{Context, Result};
 use learner::store::{Store, TrialRecord};
 use serde_json::Value;
 
-/// What a controller says when an episode is durable; see `rt-controller/src/spool.rs`.
+/// What a controller says when an episode is durable; see `rt-controller/src/disk/spool.rs`.
 const DURABLE: &str = "episode is durable";
 
 /// Episodes of the sessions of one cell.

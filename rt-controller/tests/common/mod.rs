@@ -8,7 +8,7 @@ use physics::arm::ArmModel;
 use physics::outcome::OutcomeConfig;
 use physics::pancake::WAM7_START_POSTURE;
 use rt_controller::ControllerConfig;
-use rt_controller::tick::Controller;
+use rt_controller::hot::tick::Controller;
 use shm_types::policy::{PolicyMsg, packed_index};
 
 pub fn wam() -> ArmModel {

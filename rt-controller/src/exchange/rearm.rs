@@ -1,0 +1,80 @@
+//! Machine faults as the exchange thread sees them: remembered, told, re-armed, their flight records
+//! put on disk.
+
+use crate::disk::flight_files::csv;
+use crate::exchange::Exchange;
+use crate::exchange::commands::Refusal;
+use crate::executor::latch::Latched;
+use crate::fault::Fault;
+
+impl<P: Clone + PartialEq> Exchange<'_, P> {
+    /// Looks after what the loop latched, and after its answer to a re-arm.
+    pub(crate) fn watch_latch(&mut self) {
+        let fault = self.setup.latch.fault();
+        if let (Some(fault), None) = (fault, self.latched) {
+            self.latched = Some(Latched::now(fault));
+            self.remember();
+            let why = Fault::describe(fault as u32);
+            tracing::error!("machine fault: {why}; the arm is held until `skillet rearm`");
+        }
+        if !self.is_rearming {
+            return;
+        }
+        let Some(answer) = self.setup.latch.answer() else { return };
+        self.is_rearming = false;
+        match answer {
+            // It came back before the loop was asked.
+            Err(fault) => self.answer_rearmed(Err(fault)),
+            Ok(()) => {
+                self.latched = None;
+                tracing::info!("re-armed");
+                let ticket = self.remember();
+                self.answer_rearmed(Ok(ticket));
+            }
+        }
+    }
+
+    /// Asks the loop to hold the arm.
+    pub(crate) fn hold(&mut self) -> Result<(), Refusal> {
+        if self.setup.n_joints == 0 {
+            return Err(Refusal::NoArm);
+        }
+        self.setup.latch.hold();
+        Ok(())
+    }
+
+    /// Asks the loop to re-arm.
+    pub(crate) fn rearm(&mut self) -> Result<(), Refusal> {
+        let Latched { fault, .. } = self.latched.ok_or(Refusal::NothingLatched)?;
+        if self.setup.latch.is_present() {
+            return Err(Refusal::StillPresent(Fault::describe(fault as u32)));
+        }
+        self.setup.latch.ask();
+        self.is_rearming = true;
+        Ok(())
+    }
+
+    /// Nothing may be swapped in behind a latched fault.
+    pub(crate) fn expect_armed(&self) -> Result<(), Refusal> {
+        match self.latched {
+            Some(latched) => Err(Refusal::Latched(Fault::describe(latched.fault as u32))),
+            None => Ok(()),
+        }
+    }
+
+    /// Puts the loop's flight records on disk, and gives their boxes back.
+    pub(crate) fn take_flights(&mut self) {
+        while let Ok(mut record) = self.ends.flights.pop() {
+            self.active = true;
+            if let (Some(files), Some(last)) = (&mut self.flights, record.last()) {
+                let path = files.add(self.boot_id, last.tick);
+                let why = Fault::describe(last.fault);
+                tracing::warn!("fault: {why}; the ticks before it: {}", path.display());
+                self.catalogue.order(path, csv(&record, self.setup.n_joints));
+            }
+            record.clear();
+            // Never full: there are two boxes.
+            let _ = self.ends.spare_flights.push(record);
+        }
+    }
+}

@@ -1,0 +1,115 @@
+//! Runs the controller of a world without an arm: actions in, measured values out.
+
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use nalgebra::Vector3;
+use physics::action::ActionWorld;
+use shm_types::cell::Cell;
+use shm_types::episode::{MAX_RECORDS, OutcomeMsg, TickRecord};
+use shm_types::policy::PolicyMsg;
+
+use crate::admit::admission::{Action, admit_action};
+use crate::config::Pace;
+use crate::exchange::Setup;
+use crate::exchange::swap::Applied;
+use crate::executor::latch::Latch;
+use crate::executor::recording::Recording;
+use crate::fault::Fault;
+use crate::hot::rollout::Phase;
+use crate::rt::now_ns;
+use crate::run::{RunError, RunSummary};
+use crate::serve::{Done, Ends, Job, serve};
+
+/// How long the thread sleeps while there is nothing to do.
+const IDLE_SLEEP: Duration = Duration::from_micros(100);
+/// Time between two records of the tracked object.
+pub const PERIOD_NS: u64 = 1_000_000;
+const PERIOD_S: f64 = PERIOD_NS as f64 * 1e-9;
+
+/// Runs until `stop` is set. Such a world has no clock of its own: every rollout is immediate.
+pub fn run_action<W: ActionWorld>(
+    cell: &Cell,
+    world: &W,
+    state: Option<&Path>,
+    stop: &AtomicBool,
+) -> Result<RunSummary, RunError> {
+    let admit = |message: &_| {
+        let action = admit_action(message, world.dim())?;
+        let path = world.path(&action.0[..world.dim()], PERIOD_S);
+        let n_records = path.len().min(MAX_RECORDS);
+        Ok(((action, path), n_records))
+    };
+    let (never, no_machine) = (AtomicBool::new(false), Latch::new());
+    let setup = Setup {
+        admit: &admit,
+        // There is no torque and no way to come to harm.
+        admit_to_serve: &admit,
+        period_ns: PERIOD_NS,
+        record_ns: PERIOD_NS,
+        pace: Pace::Max,
+        privileged: &never,
+        latch: &no_machine,
+        n_joints: 0,
+        can_swap: false,
+        blend_ticks: 0,
+        // An immediate world without a learner would repeat itself as fast as it can.
+        alone_after: None,
+        state,
+    };
+    serve(cell, setup, stop, |ends| execute(ends, world, stop))
+}
+
+/// An action and the path of the tracked object under it.
+type Throw = (Action, Vec<Vector3<f64>>);
+
+fn execute<W: ActionWorld>(mut ends: Ends<Throw>, world: &W, stop: &AtomicBool) {
+    let mut tick = 0;
+    while !stop.load(Ordering::Relaxed) {
+        let Ok(Job { policy: throw, mut episode, swap, .. }) = ends.jobs.pop() else {
+            std::thread::sleep(IDLE_SLEEP);
+            continue;
+        };
+        let applied_ns = now_ns();
+        let (Action(action), path) = &throw;
+        let action = &action[..world.dim()];
+        let n_records = record(path, tick, episode.payload_mut());
+        let outcome = OutcomeMsg { value: world.measure(action), ..OutcomeMsg::ZERO };
+        let recording = Recording::at_once(n_records, tick, applied_ns);
+        if let Some(seq) = swap {
+            let applied = Applied { seq, tick, at_ns: applied_ns, in_rollout: true, policy: throw };
+            // Never full, as the ring below: one rollout is in flight at a time.
+            let _ = ends.applied.push(applied);
+        }
+        let done = Done { episode, recording, fault: Fault::None, outcome };
+        tick += n_records.max(1) as u64;
+        let _ = ends.done.push(done);
+    }
+}
+
+/// One rollout in this process: the measured value, and the records of the tracked object. `None` when
+/// the policy is not admitted.
+pub fn replay<W: ActionWorld>(world: &W, policy: &PolicyMsg) -> Option<(f64, Vec<TickRecord>)> {
+    let Action(action) = admit_action(policy, world.dim()).ok()?;
+    let action = &action[..world.dim()];
+    let path = world.path(action, PERIOD_S);
+    let mut records = vec![TickRecord::ZERO; path.len().min(MAX_RECORDS)];
+    record(&path, 0, &mut records);
+    Some((world.measure(action), records))
+}
+
+/// Writes the path of the tracked object; returns the records in use.
+fn record(path: &[Vector3<f64>], first_tick: u64, records: &mut [TickRecord]) -> usize {
+    for (i, (record, position)) in records.iter_mut().zip(path).enumerate() {
+        *record = TickRecord {
+            tick: first_tick + i as u64,
+            phase: Phase::Execute as u32,
+            t_s: i as f64 * PERIOD_S,
+            object_position: (*position).into(),
+            object_quaternion: [1.0, 0.0, 0.0, 0.0],
+            ..TickRecord::ZERO
+        };
+    }
+    path.len().min(records.len())
+}

@@ -1,0 +1,234 @@
+//! One execution of a policy: Idle → Approach → Execute → Settle → Idle.
+
+use nalgebra::Isometry3;
+use physics::arm::JointVector;
+use physics::outcome::{Outcome, OutcomeConfig, OutcomeTracker};
+use physics::plant::ObjectState;
+use shm_types::episode::FLAG_BLENDING;
+use shm_types::policy::PolicyMsg;
+
+use crate::config::ControllerConfig;
+use crate::hot::blend::Blend;
+use crate::hot::policy::{Command, Policy};
+use crate::hot::task_space::TaskState;
+
+/// After the policy's duration a pancake that lies in the pan gets this long to leave it.
+const NO_TOSS_S: f64 = 0.1;
+/// Speed of the Approach, rad/s, how close it must come, rad, and how slow the arm must be then,
+/// rad/s: under a pancake that the model does not know the wrist sags at up to 0.1.
+const APPROACH_SPEED: f64 = 0.5;
+const APPROACH_TOLERANCE: f64 = 0.02;
+const APPROACH_REST: f64 = 0.15;
+const APPROACH_TIMEOUT_S: f64 = 20.0;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Phase {
+    /// Holds the posture; no policy.
+    Idle = 0,
+    /// Moves to the start posture and holds it for `approach_s`.
+    Approach = 1,
+    /// Runs the policy for its duration.
+    Execute = 2,
+    /// Lets the last attractor hold until the outcome is known.
+    Settle = 3,
+}
+
+/// The phase machine. Everything counts ticks, never seconds of a clock.
+#[derive(Clone, Copy)]
+pub struct Rollout {
+    phase: Phase,
+    /// Ticks since the phase began; in Execute and Settle the clock of the policy, which a swap to
+    /// one of another duration moves.
+    ticks: u32,
+    /// Ticks since Execute began.
+    executed: u32,
+    period_s: f64,
+    approach_ticks: u32,
+    settle_s: f64,
+    q0: JointVector,
+    /// Where the arm was at the first good sample of this Idle or Approach: what Idle holds and the
+    /// Approach leaves from. No posture is assumed before the arm has shown one.
+    q_start: Option<JointVector>,
+    /// The arm rests at the start posture.
+    arrived: bool,
+    timed_out: bool,
+    policy: Policy,
+    /// The policy before a swap, while it fades out.
+    blend: Option<Blend>,
+    blend_ticks: u32,
+    outcome_config: OutcomeConfig,
+    tracker: OutcomeTracker,
+}
+
+impl Rollout {
+    pub fn new(q0: &JointVector, config: &ControllerConfig, outcome: &OutcomeConfig) -> Rollout {
+        Rollout {
+            phase: Phase::Idle,
+            ticks: 0,
+            executed: 0,
+            period_s: config.period_s(),
+            approach_ticks: (config.approach_s / config.period_s()).ceil() as u32,
+            settle_s: config.settle_s,
+            q0: *q0,
+            q_start: None,
+            arrived: false,
+            timed_out: false,
+            policy: Policy::new(&PolicyMsg::EMPTY),
+            blend: None,
+            blend_ticks: config.blend_ticks(),
+            outcome_config: *outcome,
+            tracker: OutcomeTracker::new(outcome),
+        }
+    }
+
+    /// Begins the Approach from where the arm is.
+    pub fn start(&mut self, policy: &Policy) {
+        self.policy = *policy;
+        self.blend = None;
+        self.timed_out = false;
+        self.tracker = OutcomeTracker::new(&self.outcome_config);
+        self.enter(Phase::Approach);
+    }
+
+    pub fn phase(&self) -> Phase {
+        self.phase
+    }
+
+    pub fn policy(&self) -> &Policy {
+        &self.policy
+    }
+
+    /// What a record says of this tick.
+    pub fn flags(&self) -> u32 {
+        if self.blend.is_some() { FLAG_BLENDING } else { 0 }
+    }
+
+    /// Exchanges the policy from the next command on. In Execute and Settle it goes on at the same
+    /// phase, t/duration, and the old policy fades out; before, nothing of the old one is left.
+    pub fn swap(&mut self, policy: &Policy) {
+        let old = self.policy;
+        self.policy = *policy;
+        if !matches!(self.phase, Phase::Execute | Phase::Settle) {
+            return;
+        }
+        let t_old = self.t_s();
+        let t_new = if t_old <= old.duration_s {
+            t_old / old.duration_s * policy.duration_s
+        } else {
+            policy.duration_s + (t_old - old.duration_s)
+        };
+        self.ticks = (t_new / self.period_s).round() as u32;
+        self.blend =
+            (self.blend_ticks > 0).then(|| Blend::new(&old, t_old, self.t_s(), self.blend_ticks));
+    }
+
+    /// What the policy, or the mixture of two, asks for in this tick of Execute or Settle.
+    pub fn command(&self, task: &TaskState) -> Command {
+        let command = self.policy.command(self.t_s(), task);
+        match &self.blend {
+            Some(blend) => blend.mix(command, self.t_s(), task),
+            None => command,
+        }
+    }
+
+    pub fn q0(&self) -> &JointVector {
+        &self.q0
+    }
+
+    pub fn outcome(&self) -> Outcome {
+        self.tracker.outcome()
+    }
+
+    /// The Approach took too long.
+    pub fn timed_out(&self) -> bool {
+        self.timed_out
+    }
+
+    /// Time since the start of Execute, s; 0 before.
+    pub fn t_s(&self) -> f64 {
+        match self.phase {
+            Phase::Idle | Phase::Approach => 0.0,
+            Phase::Execute | Phase::Settle => f64::from(self.ticks) * self.period_s,
+        }
+    }
+
+    /// Where the arm, now at `q`, should be in Idle and Approach: where the phase found it, or on a
+    /// straight line in joint space from there to the start posture, at `APPROACH_SPEED` for the
+    /// joint that has farthest to go.
+    pub fn posture_reference(&mut self, q: &JointVector) -> JointVector {
+        let q_start = *self.q_start.get_or_insert(*q);
+        if self.phase == Phase::Idle {
+            return q_start;
+        }
+        let way = self.q0 - q_start;
+        let duration = way.abs().max() / APPROACH_SPEED;
+        let t = f64::from(self.ticks) * self.period_s;
+        if t >= duration { self.q0 } else { q_start + way * (t / duration) }
+    }
+
+    /// Takes in what the world looks like in this tick.
+    pub fn observe(&mut self, X_WP: &Isometry3<f64>, object: &ObjectState) {
+        if matches!(self.phase, Phase::Execute | Phase::Settle) {
+            let t_s = f64::from(self.executed) * self.period_s;
+            self.tracker.observe(t_s, X_WP, object);
+        }
+    }
+
+    /// Takes in where the arm is and how fast it moves; the Approach ends by it.
+    pub fn locate(&mut self, q: &JointVector, qd: &JointVector) {
+        self.arrived =
+            (q - self.q0).abs().max() < APPROACH_TOLERANCE && qd.abs().max() < APPROACH_REST;
+    }
+
+    /// From now on Idle holds the arm where it is.
+    pub fn stay(&mut self) {
+        self.enter(Phase::Idle);
+    }
+
+    /// Ends the tick.
+    pub fn advance(&mut self, faulted: bool) {
+        self.ticks = self.ticks.saturating_add(1);
+        self.executed = self.executed.saturating_add(1);
+        if let Some(blend) = &mut self.blend
+            && !blend.advance()
+        {
+            self.blend = None;
+        }
+        let t = f64::from(self.ticks) * self.period_s;
+        match self.phase {
+            Phase::Idle => {}
+            _ if faulted => self.enter(Phase::Idle),
+            Phase::Approach => {
+                if self.ticks >= self.approach_ticks && self.arrived {
+                    self.enter(Phase::Execute);
+                } else if t > APPROACH_TIMEOUT_S {
+                    self.timed_out = true;
+                    self.enter(Phase::Idle);
+                }
+            }
+            Phase::Execute if self.tracker.is_finished() && self.tracker.outcome().dropped => {
+                self.enter(Phase::Idle);
+            }
+            // Settle goes on counting from the start of Execute: it is the same clock t_s.
+            Phase::Execute if t >= self.policy.duration_s => self.phase = Phase::Settle,
+            Phase::Execute => {}
+            Phase::Settle => {
+                let waited = t - self.policy.duration_s;
+                let no_toss = !self.tracker.is_airborne()
+                    && !self.tracker.outcome().tossed
+                    && waited >= NO_TOSS_S;
+                if self.tracker.is_finished() || no_toss || waited >= self.settle_s {
+                    self.enter(Phase::Idle);
+                }
+            }
+        }
+    }
+
+    fn enter(&mut self, phase: Phase) {
+        (self.q_start, self.arrived) = (None, false);
+        self.phase = phase;
+        self.ticks = 0;
+        self.executed = 0;
+    }
+}
