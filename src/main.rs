@@ -13,6 +13,7 @@ mod commands;
 mod config;
 mod demo;
 mod doctor;
+mod draw;
 mod early;
 mod exit;
 mod health;

@@ -1,8 +1,8 @@
 //! A figure of a group of rows: the distributions of their times.
 
 use super::Row;
-use crate::report::distribution::{self, Distribution};
-use crate::report::svg::Panel;
+use crate::draw::distribution::{self, Distribution};
+use crate::draw::svg::Panel;
 
 /// The times of `rows`, µs.
 pub fn panel(title: &str, rows: &[&Row]) -> Panel {

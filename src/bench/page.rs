@@ -2,9 +2,9 @@
 
 use super::output::table;
 use super::{Bench, Row, figure};
+use crate::draw::style;
+use crate::draw::svg::escape;
 use crate::host::Host;
-use crate::report::style;
-use crate::report::svg::escape;
 
 const RULES: &str = "\
 .halves{grid-template-columns:repeat(auto-fit,minmax(min(100%,430px),1fr));gap:28px 24px}

@@ -17,8 +17,8 @@ use super::modes;
 use crate::Verdict;
 use crate::cli::ReportArgs;
 use crate::config::Config;
+use crate::draw::plot::Axis;
 use crate::output::{print, print_json};
-use crate::report::plot::Axis;
 use crate::report::{self, Plane, ReportData, Reward, TrialRow};
 use crate::session_folder::SessionFolder;
 

@@ -5,10 +5,10 @@ use shm_types::policy::PolicyMsg;
 
 use super::ReportData;
 use super::attractors::colour;
-use super::figure::{Figure, Row};
-use super::plot::{Axis, Plot};
 use super::stiffness::{mark_events, times};
-use super::svg::{Anchor, Panel};
+use crate::draw::figure::{Figure, Row};
+use crate::draw::plot::{Axis, Plot};
+use crate::draw::svg::{Anchor, Panel};
 
 pub fn figure(data: &ReportData) -> Figure {
     let rows = if data.learnt.components().is_empty() {

@@ -11,10 +11,10 @@ use learner::path::PathRow;
 use nalgebra::Vector3;
 
 use super::ReportData;
-use super::figure::{Figure, HALF, Row};
 use super::side_view::{View, draw_pan, draw_pancake, orientation};
 use super::strip::finite;
-use super::svg::{Anchor, Panel, short};
+use crate::draw::figure::{Figure, HALF, Row};
+use crate::draw::svg::{Anchor, Panel, short};
 
 /// Largest height of the view, px, and the height of the time line below it.
 const HEIGHT: f64 = 400.0;

@@ -6,10 +6,10 @@ use nalgebra::{Matrix2, Vector2};
 use shm_types::policy::{Component, PolicyMsg};
 
 use super::ReportData;
-use super::figure::{Figure, Row};
-use super::plot::{Axis, Entry, Key, Plot};
 use super::stiffness::times;
-use super::svg::{Anchor, Panel};
+use crate::draw::figure::{Figure, Row};
+use crate::draw::plot::{Axis, Entry, Key, Plot};
+use crate::draw::svg::{Anchor, Panel};
 
 /// Indices of the forward and the vertical coordinate.
 pub const X: usize = 0;

@@ -3,10 +3,10 @@
 use learner::path::PathRow;
 
 use super::ReportData;
-use super::figure::{Figure, Row, THIRD};
-use super::plot::{Axis, Entry, Key, Plot};
 use super::stiffness::mark_events;
-use super::svg::Panel;
+use crate::draw::figure::{Figure, Row, THIRD};
+use crate::draw::plot::{Axis, Entry, Key, Plot};
+use crate::draw::svg::Panel;
 
 const LEGEND: [Entry; 3] = [
     (Key::Line, "learnt", "learnt"),

@@ -7,9 +7,9 @@ use shm_types::policy::PolicyMsg;
 
 use super::ReportData;
 use super::attractors::{X, Z, colour, equal_scale};
-use super::figure::{Figure, Row};
-use super::plot::{Axis, Entry, Key, Plot};
-use super::svg::{Anchor, Panel};
+use crate::draw::figure::{Figure, Row};
+use crate::draw::plot::{Axis, Entry, Key, Plot};
+use crate::draw::svg::{Anchor, Panel};
 
 /// Longest semi-axis, and least distance between two centres, px.
 const LONGEST: f64 = 30.0;

@@ -12,15 +12,11 @@ mod activations;
 mod animation;
 mod attractors;
 mod coordinates;
-pub mod distribution;
 mod ellipsoids;
-pub mod figure;
-pub mod map;
 mod modes;
 mod outcomes;
 mod page;
 mod plane;
-pub mod plot;
 mod principal;
 mod reward;
 #[cfg(test)]
@@ -28,9 +24,7 @@ mod sample;
 mod side_view;
 mod stiffness;
 mod strip;
-pub mod style;
 mod summary;
-pub mod svg;
 mod timing;
 
 use learner::path::PathRow;
@@ -39,7 +33,7 @@ use rt_controller::disk::timing_file::LoopTiming;
 use shm_types::episode::OutcomeMsg;
 use shm_types::policy::PolicyMsg;
 
-use figure::Figure;
+use crate::draw::figure::Figure;
 pub use modes::ModeRow;
 pub use plane::{Plane, Reward};
 
@@ -150,7 +144,7 @@ mod tests {
     #[test]
     fn a_task_without_an_arm_has_its_page() {
         let mut data = sample::session(30);
-        let axis = |label| plot::Axis { label, min: -1.0, max: 1.0 };
+        let axis = |label| crate::draw::plot::Axis { label, min: -1.0, max: 1.0 };
         let (x, y) = (axis("a"), axis("b"));
         data.trials.iter_mut().for_each(|trial| trial.theta = trial.theta.rows(0, 2).into());
         for row in &mut data.modes {

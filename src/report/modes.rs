@@ -4,12 +4,12 @@ use learner::search::Mode;
 use nalgebra::DVector;
 
 use super::attractors::{colour, label_places};
-use super::figure::{Figure, HALF, Row};
-use super::map::ellipse;
-use super::plot::{Axis, Entry, Key, Plot, fixed};
 use super::principal::Principal;
-use super::svg::{Anchor, Panel, escape};
 use super::{ReportData, TrialRow};
+use crate::draw::figure::{Figure, HALF, Row};
+use crate::draw::map::ellipse;
+use crate::draw::plot::{Axis, Entry, Key, Plot, fixed};
+use crate::draw::svg::{Anchor, Panel, escape};
 
 /// A mode and what is said of it.
 pub struct ModeRow {

@@ -3,11 +3,11 @@
 
 use shm_types::episode::OutcomeMsg;
 
-use super::figure::{Figure, Row, THIRD};
-use super::plot::{Axis, Plot};
 use super::side_view::PAN_RADIUS;
-use super::svg::Panel;
 use super::{ReportData, TrialRow};
+use crate::draw::figure::{Figure, Row, THIRD};
+use crate::draw::plot::{Axis, Plot};
+use crate::draw::svg::Panel;
 
 /// A miss beyond this is drawn here, m: a pancake thrown away must not flatten the others.
 const MISS_MAX_M: f64 = 0.4;

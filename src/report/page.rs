@@ -1,8 +1,9 @@
 //! The page: verdict, summary, figures, terms, and at the end every number behind them.
 
-use super::figure::Figure;
-use super::svg::escape;
-use super::{ReportData, style, summary};
+use super::{ReportData, summary};
+use crate::draw::figure::Figure;
+use crate::draw::style;
+use crate::draw::svg::escape;
 
 const ARM: &str = "A robot arm improves a compliant movement, its path and its stiffness together, \
                    by trial and error; after Calinon, Kormushev and Caldwell, <i>Compliant skills \

@@ -3,12 +3,12 @@
 use learner::search::Mode;
 use nalgebra::Vector2;
 
-use super::figure::{Figure, HALF, Row};
-use super::map::Map;
 use super::modes::{LEGEND, ModeRow, NO_MODES, draw_modes, table};
-use super::plot::{Axis, Key};
-use super::svg::Panel;
 use super::{ReportData, TrialRow};
+use crate::draw::figure::{Figure, HALF, Row};
+use crate::draw::map::Map;
+use crate::draw::plot::{Axis, Key};
+use crate::draw::svg::Panel;
 
 /// The reward of every policy of a plane.
 pub type Reward = Box<dyn Fn(&Vector2<f64>) -> f64>;

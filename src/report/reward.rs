@@ -1,9 +1,9 @@
 //! Reward over the rollouts: the paper's Fig. 3, centre.
 
-use super::figure::{Figure, HALF, Row};
-use super::plot::{Axis, Entry, Key, Plot};
-use super::svg::Panel;
 use super::{ReportData, TrialRow};
+use crate::draw::figure::{Figure, HALF, Row};
+use crate::draw::plot::{Axis, Entry, Key, Plot};
+use crate::draw::svg::Panel;
 
 /// Rollouts in a running mean.
 const WINDOW: usize = 10;

@@ -8,7 +8,7 @@ use std::f64::consts::TAU;
 use learner::path::PathRow;
 use nalgebra::{Quaternion, Rotation3, UnitQuaternion, Vector3};
 
-use super::svg::Panel;
+use crate::draw::svg::Panel;
 
 /// Pan: radius, length and outward tilt of the rim, distance of the wrist along −x. m, rad.
 pub const PAN_RADIUS: f64 = 0.13;

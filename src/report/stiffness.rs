@@ -6,9 +6,9 @@ use shm_types::episode::OutcomeMsg;
 use shm_types::policy::{ACTIVATION_DECAY, Component, PolicyMsg};
 
 use super::ReportData;
-use super::figure::{Figure, Row, THIRD};
-use super::plot::{Axis, Entry, Key, Plot};
-use super::svg::{Anchor, Panel};
+use crate::draw::figure::{Figure, Row, THIRD};
+use crate::draw::plot::{Axis, Entry, Key, Plot};
+use crate::draw::svg::{Anchor, Panel};
 
 /// Points per curve.
 const SAMPLES: usize = 160;

@@ -7,10 +7,10 @@ use nalgebra::Vector3;
 use shm_types::episode::OutcomeMsg;
 
 use super::ReportData;
-use super::figure::{FRAME, Figure, Row};
-use super::plot::fixed;
 use super::side_view::{View, draw_pan, draw_pancake, orientation};
-use super::svg::{Anchor, Panel};
+use crate::draw::figure::{FRAME, Figure, Row};
+use crate::draw::plot::fixed;
+use crate::draw::svg::{Anchor, Panel};
 
 /// Height of the text below a frame, px.
 const TEXT: f64 = 40.0;

@@ -4,9 +4,9 @@ use std::f64::consts::PI;
 
 use shm_types::episode::{OUTCOME_DROPPED, OUTCOME_EXPLOIT, OutcomeMsg};
 
-use super::plot::fixed;
-use super::svg::escape;
 use super::{ReportData, TrialRow};
+use crate::draw::plot::fixed;
+use crate::draw::svg::escape;
 
 /// Rollouts at the end that show what the session has come to.
 const RECENT: usize = 20;

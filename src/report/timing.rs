@@ -3,9 +3,9 @@
 use rt_controller::Pace;
 use rt_controller::disk::timing_file::{Bins, LoopTiming};
 
-use super::distribution::{Distribution, panel};
-use super::figure::{Figure, Row};
-use super::plot::fixed;
+use crate::draw::distribution::{Distribution, panel};
+use crate::draw::figure::{Figure, Row};
+use crate::draw::plot::fixed;
 
 const SHARES: [(f64, &str); 3] = [(0.5, "p50"), (0.99, "p99"), (0.999, "p99.9")];
 

@@ -25,7 +25,7 @@ use std::sync::atomic::AtomicBool;
 use anyhow::{Context, Result};
 use serde::Serialize;
 
-use crate::report::figure::Figure;
+use crate::draw::figure::Figure;
 use figures::{fig5, fig6, fig7, fig8};
 pub use sample::Sample;
 pub use statistics::Row;

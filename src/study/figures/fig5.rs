@@ -4,9 +4,9 @@ use anyhow::Result;
 use learner::search::{Method, Space};
 use nalgebra::{DVector, Vector2};
 
-use crate::report::figure::{Figure, Row, THIRD};
-use crate::report::map::{Map, draw_mode};
-use crate::report::plot::{Axis, Key};
+use crate::draw::figure::{Figure, Row, THIRD};
+use crate::draw::map::{Map, draw_mode};
+use crate::draw::plot::{Axis, Key};
 use crate::study::runs::Run;
 
 const START: [f64; 2] = [1.0, -2.6];

@@ -6,9 +6,9 @@ use learner::search::mixture::Mixture;
 use learner::search::split_merge::{Split, split};
 use nalgebra::{DMatrix, DVector, Vector2};
 
-use crate::report::figure::{Figure, Row, THIRD};
-use crate::report::map::{Map, draw_mode};
-use crate::report::plot::Axis;
+use crate::draw::figure::{Figure, Row, THIRD};
+use crate::draw::map::{Map, draw_mode};
+use crate::draw::plot::Axis;
 
 pub fn figure() -> Result<Figure> {
     let mean = DVector::from_vec(vec![0.0, 0.0]);
@@ -34,7 +34,7 @@ pub fn figure() -> Result<Figure> {
     })
 }
 
-fn panel(name: &'static str, parent: &Mixture, mixture: &Mixture) -> crate::report::svg::Panel {
+fn panel(name: &'static str, parent: &Mixture, mixture: &Mixture) -> crate::draw::svg::Panel {
     let density = |theta: &Vector2<f64>| {
         parent.log_density(&DVector::from_column_slice(theta.as_slice())).exp()
     };

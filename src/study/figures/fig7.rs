@@ -4,10 +4,10 @@ use anyhow::Result;
 use learner::search::{Method, Mode};
 use physics::landscape::{self, PEAK_VALUE};
 
-use crate::report::figure::{Figure, Row, THIRD};
-use crate::report::map::{Map, draw_mode};
-use crate::report::plot::{Axis, Key, Plot};
-use crate::report::svg::Panel;
+use crate::draw::figure::{Figure, Row, THIRD};
+use crate::draw::map::{Map, draw_mode};
+use crate::draw::plot::{Axis, Key, Plot};
+use crate::draw::svg::Panel;
 use crate::study::comparison::Task;
 use crate::study::runs::Run;
 

@@ -5,10 +5,10 @@ use learner::search::Method;
 use nalgebra::{DVector, Vector2};
 use physics::skittles::{BOX, TARGETS};
 
-use crate::report::figure::{Figure, Row, THIRD};
-use crate::report::map::{Map, draw_mode};
-use crate::report::plot::Axis;
-use crate::report::svg::Panel;
+use crate::draw::figure::{Figure, Row, THIRD};
+use crate::draw::map::{Map, draw_mode};
+use crate::draw::plot::Axis;
+use crate::draw::svg::Panel;
 use crate::study::comparison::Task;
 use crate::study::runs::Run;
 use crate::study::skittles;

@@ -1,8 +1,8 @@
 //! A study's table as a picture: one panel a metric, one line a method, with its 95 % interval.
 
-use crate::report::figure::{Figure, Row as FigureRow, THIRD};
-use crate::report::plot::fixed;
-use crate::report::svg::{Anchor, Panel};
+use crate::draw::figure::{Figure, Row as FigureRow, THIRD};
+use crate::draw::plot::fixed;
+use crate::draw::svg::{Anchor, Panel};
 use crate::study::{Row, Table};
 
 const LINE: f64 = 24.0;
