@@ -63,6 +63,10 @@ pub enum CellError {
     Io { path: PathBuf, cause: std::io::Error },
 }
 
+/// How often, and after how long, an end looks whether something was made meanwhile.
+const TEAR_DOWN_ROUNDS: u32 = 20;
+const TEAR_DOWN_PAUSE: std::time::Duration = std::time::Duration::from_millis(5);
+
 /// The name of a cell and its private runtime directory.
 #[derive(Clone, Debug)]
 pub struct Cell {
@@ -170,10 +174,17 @@ impl Cell {
         }
     }
 
-    /// Removes everything the cell shares, whoever uses it: for a process that is about to end.
+    /// Removes everything the cell shares, whoever uses it: for a process that is about to end. What is
+    /// being made at this moment, by another thread or process, is removed a moment later.
     pub fn tear_down(&self) {
-        remove_shared_memory(&self.shm_prefix());
-        let _ = fs::remove_dir_all(&self.dir);
+        for _ in 0..TEAR_DOWN_ROUNDS {
+            remove_shared_memory(&self.shm_prefix());
+            let _ = fs::remove_dir_all(&self.dir);
+            std::thread::sleep(TEAR_DOWN_PAUSE);
+            if self.traces().is_empty() {
+                return;
+            }
+        }
     }
 
     /// That the cell, if it is there, is this user's: the transport would only say that it failed.
