@@ -77,6 +77,7 @@ fn main() -> ExitCode {
         Verb::Man(args) => commands::shell::man(args),
     };
     let is_service = matches!(cli.verb, Verb::Controller(_) | Verb::Learner(_));
+    signals::let_it_end();
     let code = match result {
         Ok(verdict) => verdict.into(),
         Err(error) => exit::tell(&error, is_service),

@@ -53,11 +53,36 @@ pub fn stop_flag(who: Who) -> Result<Arc<AtomicBool>> {
     Ok(stop)
 }
 
+/// A request that `end_after` takes up has come.
+static IS_ENDING: AtomicBool = AtomicBool::new(false);
+
+/// Comes back only if nobody has asked for an end. What fails after that fails because of the end,
+/// which tells itself.
+pub fn let_it_end() {
+    while IS_ENDING.load(Ordering::Relaxed) {
+        std::thread::park();
+    }
+}
+
 /// For a command that has nothing to finish: the first request ends the process after `last`.
 pub fn end_after(last: impl FnOnce() + Send + 'static) -> Result<()> {
     let mut signals = Signals::new(ending(Who::Tool)).context("installing signal handlers")?;
     let listen = move || {
         signals.forever().next();
+        IS_ENDING.store(true, Ordering::Relaxed);
+        last();
+        exit(INTERRUPTED);
+    };
+    std::thread::Builder::new().name("skillet-signals".into()).spawn(listen)?;
+    Ok(())
+}
+
+/// For a process that serves its parent `parent` until that ends: signals that reach both are for the
+/// parent; the one that tells of its end ends this process after `last`.
+pub fn end_after_parent(parent: u32, last: impl FnOnce() + Send + 'static) -> Result<()> {
+    let mut signals = Signals::new(ending(Who::Tool)).context("installing signal handlers")?;
+    let listen = move || {
+        signals.forever().find(|_| std::os::unix::process::parent_id() != parent);
         last();
         exit(INTERRUPTED);
     };

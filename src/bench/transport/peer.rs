@@ -14,7 +14,7 @@ use super::link::{End, Shared, Stream, Wait};
 use super::pin;
 use crate::cli::bench::{EchoArgs, Link};
 use crate::setup::end_with_parent;
-use crate::signals::end_after;
+use crate::signals::end_after_parent;
 
 const GRACE: Duration = Duration::from_secs(5);
 
@@ -98,7 +98,7 @@ pub fn echo(args: &EchoArgs) -> Result<()> {
     let cell = Cell::new(&args.cell)?;
     let shared = cell.clone();
     // The last of the two to end leaves nothing.
-    end_after(move || shared.tear_down())?;
+    end_after_parent(args.child, move || shared.tear_down())?;
     end_with_parent(args.child)?;
     pin(args.core)?;
     let wait = if args.spin { Wait::Spin } else { Wait::Sleep };
