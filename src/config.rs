@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use learner::LearnerConfig;
 use learner::reward::RewardKind;
-use learner::search::Method;
+use search::Method;
 use physics::skittles::{self, SkittlesConfig};
 use rt_controller::ControllerConfig;
 use serde::{Deserialize, Serialize};

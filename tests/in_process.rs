@@ -4,7 +4,7 @@ mod util;
 
 use learner::parameters::PolicyIds;
 use learner::problem::Problem;
-use learner::trial::{Proposal, Trial};
+use search::trial::{Proposal, Trial};
 use learner::{Demonstration, LearnerConfig};
 use physics::arm::ArmModel;
 use physics::outcome::OutcomeConfig;

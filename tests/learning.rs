@@ -7,9 +7,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use learner::parameters::PolicyIds;
 use learner::problem::Problem;
-use learner::search::Method;
+use search::Method;
 use learner::summary::LATE_TRIALS;
-use learner::trial::{Proposal, Trial};
+use search::trial::{Proposal, Trial};
 use learner::{Demonstration, LearnerConfig};
 use physics::arm::ArmModel;
 use physics::outcome::OutcomeConfig;

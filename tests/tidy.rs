@@ -80,11 +80,15 @@ fn the_function_check_can_fail() {
 /// Dependencies point one way; see ARCHITECTURE.md.
 #[test]
 fn crates_know_only_what_they_may() {
-    let forbidden: [(&str, &[&str]); 4] = [
-        ("shm-types", &["physics", "rt-controller", "learner", "nalgebra", "rapier3d"]),
-        ("physics", &["shm-types", "rt-controller", "learner", "iceoryx2"]),
+    let forbidden: [(&str, &[&str]); 5] = [
+        ("shm-types", &["physics", "rt-controller", "search", "learner", "nalgebra", "rapier3d"]),
+        ("physics", &["shm-types", "rt-controller", "search", "learner", "iceoryx2"]),
+        (
+            "search",
+            &["shm-types", "physics", "rt-controller", "learner", "rapier3d", "iceoryx2", "rusqlite"],
+        ),
         ("learner", &["physics", "rt-controller", "rapier3d"]),
-        ("rt-controller", &["learner", "rapier3d", "rusqlite"]),
+        ("rt-controller", &["search", "learner", "rapier3d", "rusqlite"]),
     ];
     for (name, others) in forbidden {
         let manifest = fs::read_to_string(root().join(name).join("Cargo.toml")).unwrap();

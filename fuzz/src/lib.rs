@@ -2,7 +2,7 @@
 
 use learner::config::LearnerConfig;
 use learner::reward::RewardKind;
-use learner::search::Method;
+use search::Method;
 use physics::arm::ArmModel;
 use shm_types::policy::{PolicyMsg, packed_index};
 use tempfile::TempDir;

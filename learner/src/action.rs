@@ -4,8 +4,8 @@ use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
 use shm_types::MAX_ACTIONS;
 
-use crate::range::ConfigError;
-use crate::search::{Bounds, Space};
+use search::range::ConfigError;
+use search::{Bounds, Space};
 
 /// Empty for a task with an arm. All in the units of the task's world.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -55,7 +55,7 @@ impl ActionConfig {
         DVector::from_column_slice(&self.start)
     }
 
-    fn bounds(&self) -> Option<Result<Bounds, crate::search::BoundsError>> {
+    fn bounds(&self) -> Option<Result<Bounds, search::BoundsError>> {
         let is_known = !(self.min.is_empty() && self.max.is_empty());
         is_known.then(|| Bounds::new(self.start.len(), &self.min, &self.max))
     }

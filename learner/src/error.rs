@@ -5,7 +5,7 @@ use thiserror::Error;
 
 use crate::config::ConfigError;
 use crate::parameters::ParameterError;
-use crate::search::{DirectionsError, TellError};
+use search::{DirectionsError, TellError};
 use crate::store::StoreError;
 
 /// Why a session cannot start or go on.

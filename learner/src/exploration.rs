@@ -17,7 +17,7 @@ use crate::config::LearnerConfig;
 use crate::demonstration::Demonstration;
 use crate::initial_policy::initial_policy;
 use crate::parameters::{ParameterError, ParameterMap};
-use crate::range::{Range, range};
+use search::range::{Range, range};
 use crate::trajectory::{Pose, retime};
 
 /// x, y and z come first in a pose and in θ, rotations after them.

@@ -27,10 +27,10 @@ use crate::parameters::PolicyIds;
 use crate::path::{PathRow, decimate};
 use crate::problem::Problem;
 use crate::replay::{Replayed, Told, replay, same_bits};
-use crate::search::AskTell;
+use search::AskTell;
 use crate::store::{SessionMeta, Store, TrialRecord};
 use crate::summary::{Summary, TrialReport};
-use crate::trial::Proposal;
+use search::trial::Proposal;
 
 /// The session file within its folder.
 pub const SESSION_FILE: &str = "session.db";

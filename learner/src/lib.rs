@@ -18,16 +18,13 @@ pub mod modes;
 pub mod parameters;
 pub mod path;
 pub mod problem;
-pub mod range;
 pub mod replay;
 pub mod reward;
-pub mod search;
 pub mod session;
 pub mod smoothing;
 pub mod store;
 pub mod summary;
 pub mod trajectory;
-pub mod trial;
 
 pub use config::LearnerConfig;
 pub use demonstration::Demonstration;

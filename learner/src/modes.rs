@@ -4,8 +4,8 @@
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use serde::{Deserialize, Serialize};
 
-use crate::search::Mode;
-use crate::trial::Trial;
+use search::Mode;
+use search::trial::Trial;
 
 /// Which mode is exported and activated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -187,7 +187,7 @@ fn expected_reward(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::search::normals::{standard_normal, stream};
+    use search::normals::{standard_normal, stream};
 
     /// A narrow high hill at 0 and a wide lower one at 10.
     fn reward(theta: &DVector<f64>) -> f64 {

@@ -206,7 +206,7 @@ fn symmetric_log(matrix: DMatrix<f64>) -> Result<DMatrix<f64>, f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::search::normals::{standard_normal, stream};
+    use search::normals::{standard_normal, stream};
     use nalgebra::Cholesky;
 
     const IDS: PolicyIds = PolicyIds { session: 9, rollout: 3, policy_id: 5 };

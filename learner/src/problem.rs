@@ -9,7 +9,7 @@ use crate::error::LearnerError;
 use crate::exploration::{ExplorationKind, directions};
 use crate::initial_policy::initial_policy;
 use crate::parameters::{ParameterMap, PolicyIds};
-use crate::search::{self, Search, Space};
+use search::{Search, Space};
 
 /// A configured search problem; the same for a session and for a study without one.
 pub struct Problem {

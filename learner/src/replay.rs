@@ -6,7 +6,7 @@ use crate::config::LearnerConfig;
 use crate::demonstration::Demonstration;
 use crate::error::LearnerError;
 use crate::problem::Problem;
-use crate::search::AskTell;
+use search::AskTell;
 use crate::store::{Store, TrialRecord};
 
 /// A session brought back.
@@ -66,8 +66,8 @@ pub fn same_bits(a: &DVector<f64>, b: &DVector<f64>) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::search::{Method, SearchConfig};
-    use crate::trial::Trial;
+    use search::{Method, SearchConfig};
+    use search::trial::Trial;
     use shm_types::episode::OutcomeMsg;
     use shm_types::policy::PolicyMsg;
 

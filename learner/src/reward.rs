@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 use serde::{Deserialize, Serialize};
 use shm_types::episode::{OUTCOME_EXPLOIT, OUTCOME_SUCCESS, OutcomeMsg};
 
-use crate::range::{Range, range};
+use search::range::{Range, range};
 
 /// Releases beyond these are contact exploits of a simulator, not tosses.
 pub const RELEASE_SPEED_MAX_M_S: f64 = 6.0;

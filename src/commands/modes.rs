@@ -5,7 +5,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 use learner::modes::{ModeReport, Prefer, choose, forbidden_by};
-use learner::search::Mode;
+use search::Mode;
 use learner::store::Store;
 use nalgebra::DVector;
 use serde_json::json;

@@ -1,6 +1,6 @@
 //! A plane of two policy parameters: rewards as shades, Gaussians as ellipses.
 
-use learner::search::Mode;
+use search::Mode;
 use nalgebra::Vector2;
 
 use super::plot::{Axis, Entry, Plot};

@@ -1,6 +1,6 @@
 //! What the search found: trials by reward, and modes, in a plane of the policy parameters.
 
-use learner::search::Mode;
+use search::Mode;
 use nalgebra::DVector;
 
 use super::attractors::{colour, label_places};

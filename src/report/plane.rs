@@ -1,6 +1,6 @@
 //! The plane of two policy parameters: the true reward, the trials, the solutions found.
 
-use learner::search::Mode;
+use search::Mode;
 use nalgebra::Vector2;
 
 use super::modes::{LEGEND, ModeRow, NO_MODES, draw_modes, table};

@@ -1,6 +1,6 @@
 //! The plane of the two principal axes of the trials: where a hundred parameters vary most.
 
-use learner::search::Mode;
+use search::Mode;
 use nalgebra::{DMatrix, DVector};
 
 /// y = Vᵀ(θ − θ̄), θ̄ the mean of the trials and V (D×2) the first two right singular vectors of

@@ -7,7 +7,7 @@ use learner::activation::policy_activations;
 use learner::demonstration::Demonstration;
 use learner::initial_policy::{InitialPolicyConfig, initial_policy};
 use learner::path::PathRow;
-use learner::search::Mode;
+use search::Mode;
 use nalgebra::{DMatrix, DVector, SMatrix, SVector, UnitQuaternion, Vector3};
 use rt_controller::Pace;
 use rt_controller::disk::timing_file::LoopTiming;

@@ -4,9 +4,9 @@
 //! The crate asks and tells in one call. As it is seeded, a run is made again with the costs told so
 //! far; where they end it stands in the next generation, whose points are what is asked for.
 
-use learner::search::normals::{standard_normal, stream};
-use learner::search::{Mode, Search, SearchSnapshot, Space};
-use learner::trial::{Proposal, Trial};
+use search::normals::{standard_normal, stream};
+use search::{Mode, Search, SearchSnapshot, Space};
+use search::trial::{Proposal, Trial};
 use nalgebra::{DMatrix, DVector};
 use rand::{Rng, RngExt};
 

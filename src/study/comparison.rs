@@ -2,8 +2,8 @@
 //! are told a box: without one the landscape has to be crossed from a corner.
 
 use anyhow::Result;
-use learner::search::{Bounds, Method, Search, SearchConfig, Space, build};
-use learner::trial::Trial;
+use search::{Bounds, Method, Search, SearchConfig, Space, build};
+use search::trial::Trial;
 use nalgebra::DVector;
 use physics::landscape;
 use physics::skittles::TARGETS;

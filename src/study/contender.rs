@@ -1,17 +1,17 @@
 //! The methods of the comparison, and the settings from which each is tuned: as many random ones
 //! for every method, from ranges that hold the usual values for a space about ten units wide.
 
-use learner::search::batch::BatchConfig;
-use learner::search::cem::CemConfig;
-use learner::search::enac::EnacConfig;
-use learner::search::gradient::StepConfig;
-use learner::search::normals::stream;
-use learner::search::pi2::Pi2Config;
-use learner::search::power::{Elites, PowerConfig, Scatter, Weights};
-use learner::search::random::RandomConfig;
-use learner::search::reinforce::ReinforceConfig;
-use learner::search::rwr::RwrConfig;
-use learner::search::{Method, Search, SearchConfig, Space, build};
+use search::batch::BatchConfig;
+use search::cem::CemConfig;
+use search::enac::EnacConfig;
+use search::gradient::StepConfig;
+use search::normals::stream;
+use search::pi2::Pi2Config;
+use search::power::{Elites, PowerConfig, Scatter, Weights};
+use search::random::RandomConfig;
+use search::reinforce::ReinforceConfig;
+use search::rwr::RwrConfig;
+use search::{Method, Search, SearchConfig, Space, build};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 

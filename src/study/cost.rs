@@ -4,11 +4,11 @@
 use std::time::Instant;
 
 use anyhow::Result;
-use learner::search::gaussian::Gaussian;
-use learner::search::mixture::{About, Component, EmStep, Mixture};
-use learner::search::normals::{standard_normal, stream};
-use learner::search::{Method, SearchConfig, Space, build};
-use learner::trial::Trial;
+use search::gaussian::Gaussian;
+use search::mixture::{About, Component, EmStep, Mixture};
+use search::normals::{standard_normal, stream};
+use search::{Method, SearchConfig, Space, build};
+use search::trial::Trial;
 use nalgebra::{DMatrix, DVector};
 use rand_chacha::ChaCha8Rng;
 

@@ -1,10 +1,10 @@
 //! A reward that drifts (Sec. 4.1): the landscape moves away under a search that has converged.
 
 use anyhow::Result;
-use learner::search::Search;
-use learner::search::algorithm1::{Algorithm1, Algorithm1Config};
-use learner::search::tempered::{Tempered, TemperedConfig};
-use learner::trial::Trial;
+use search::Search;
+use search::algorithm1::{Algorithm1, Algorithm1Config};
+use search::tempered::{Tempered, TemperedConfig};
+use search::trial::Trial;
 use nalgebra::Vector2;
 use physics::landscape::{PEAK, PEAK_VALUE, height};
 

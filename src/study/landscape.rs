@@ -1,10 +1,10 @@
 //! The landscape of Sec. 4.2's first experiment: Algorithm 1 as printed against the tempered search.
 
 use anyhow::Result;
-use learner::search::algorithm1::{Algorithm1, Algorithm1Config};
-use learner::search::tempered::{Tempered, TemperedConfig};
-use learner::search::{Mode, Search, Space};
-use learner::trial::Trial;
+use search::algorithm1::{Algorithm1, Algorithm1Config};
+use search::tempered::{Tempered, TemperedConfig};
+use search::{Mode, Search, Space};
+use search::trial::Trial;
 use nalgebra::{DVector, Vector2};
 use physics::landscape::{PEAK, PEAK_VALUE, height};
 

@@ -1,7 +1,7 @@
 //! Algorithm 1 as printed, on the landscape of Sec. 4.2: the paper's system before any change.
 
 use anyhow::Result;
-use learner::search::algorithm1::{Algorithm1, Algorithm1Config};
+use search::algorithm1::{Algorithm1, Algorithm1Config};
 use physics::landscape::height;
 
 use super::Sample;

@@ -1,9 +1,9 @@
 //! The niching search on F1 to F10 of the CEC 2013 competition, within the competition's budgets.
 
 use anyhow::Result;
-use learner::search::niching::{Niching, NichingConfig};
-use learner::search::{Bounds, Search, Space};
-use learner::trial::Trial;
+use search::niching::{Niching, NichingConfig};
+use search::{Bounds, Search, Space};
+use search::trial::Trial;
 use physics::niching::{PROBLEMS, Problem};
 
 use super::Sample;

@@ -2,8 +2,8 @@
 //! regions, on the worlds of Sec. 4.2 in their boxes.
 
 use anyhow::Result;
-use learner::search::regions::{Estimator, RegionsConfig};
-use learner::search::{Method, Mode, SearchConfig, build};
+use search::regions::{Estimator, RegionsConfig};
+use search::{Method, Mode, SearchConfig, build};
 use physics::landscape::PEAK_VALUE;
 
 use super::Sample;

@@ -1,8 +1,8 @@
 //! Whole runs of a search in this process: the one loop of ask and tell all studies share.
 
 use anyhow::Result;
-use learner::search::{Method, Mode, Search, SearchConfig, Space, build};
-use learner::trial::Trial;
+use search::{Method, Mode, Search, SearchConfig, Space, build};
+use search::trial::Trial;
 use nalgebra::DVector;
 
 use super::comparison::Task;

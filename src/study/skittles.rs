@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::sync::OnceLock;
 
-use learner::search::{Bounds, Mode};
+use search::{Bounds, Mode};
 use nalgebra::DVector;
 use physics::skittles::{BOX, SkittlesConfig, TARGETS, Throw};
 

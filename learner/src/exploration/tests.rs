@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::problem::Problem;
-use crate::search::Space;
+use search::Space;
 
 fn pancake() -> Demonstration {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../demos/pancake.csv");

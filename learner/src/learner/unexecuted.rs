@@ -6,7 +6,7 @@ use super::Learner;
 use crate::error::CompleteError;
 use crate::store::TrialRecord;
 use crate::summary::TrialReport;
-use crate::trial::Proposal;
+use search::trial::Proposal;
 
 impl Learner {
     /// Gives up on the pending rollout, which gives no usable episode: it is stored and counted,

@@ -24,8 +24,8 @@ use rows::{blob, insert_policy, insert_trial, signed};
 use seal::Seals;
 
 use crate::path::PathRow;
-use crate::search::SearchSnapshot;
-use crate::trial::Proposal;
+use search::SearchSnapshot;
+use search::trial::Proposal;
 use shm_types::policy_json;
 
 /// Format of the session file; raised whenever an older program could not read it.

@@ -7,7 +7,7 @@ use shm_types::policy::PolicyMsg;
 use super::rows::{PolicyKind, blob, insert_policy, integer, signed, vector};
 use super::{Store, StoreError, TrialRecord};
 use crate::modes::{ModeReport, assess, forbidden_by, mode_policy_id};
-use crate::search::Mode;
+use search::Mode;
 
 impl Store {
     /// Replaces the modes by those found now, with the policy of each; a policy that is stored

@@ -8,8 +8,8 @@ use super::rows::{
 };
 use super::{Store, StoreError, meta};
 use crate::path::{self, PathRow};
-use crate::search::SearchSnapshot;
-use crate::trial::Proposal;
+use search::SearchSnapshot;
+use search::trial::Proposal;
 use shm_types::policy_json;
 
 impl Store {

@@ -6,7 +6,7 @@ use shm_types::episode::{FAULT_POLICY_REFUSED, OUTCOME_SUCCESS, OutcomeMsg};
 use shm_types::policy::PolicyMsg;
 
 use crate::path::{self, PathRow};
-use crate::trial::Trial;
+use search::trial::Trial;
 
 /// Where a policy comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,6 +1,6 @@
 //! The crate behind the trait: it climbs, repeats, resumes, restarts, survives, stays in its box.
 
-use learner::search::Bounds;
+use search::Bounds;
 
 use super::*;
 

@@ -1,7 +1,7 @@
 //! Fig. 5: several optima, of which a gradient finds one; a mixture finds both and their spread.
 
 use anyhow::Result;
-use learner::search::{Method, Space};
+use search::{Method, Space};
 use nalgebra::{DVector, Vector2};
 
 use crate::draw::figure::{Figure, Row, THIRD};
@@ -23,7 +23,7 @@ fn reward(theta: &Vector2<f64>) -> f64 {
 }
 
 pub fn figure(seed: u64) -> Result<Figure> {
-    let bounds = learner::search::Bounds::new(2, &[-4.0, -4.0], &[4.0, 4.0])?;
+    let bounds = search::Bounds::new(2, &[-4.0, -4.0], &[4.0, 4.0])?;
     let space = Space { bounds: Some(bounds), ..Space::white(DVector::from_column_slice(&START)) };
     let run = Run::new(Method::Regions, seed, space, 150, &|theta| {
         reward(&Vector2::new(theta[0], theta[1]))

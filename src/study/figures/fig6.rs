@@ -1,9 +1,9 @@
 //! Fig. 6: a Gaussian and its split in equal parts, for two values of u.
 
 use anyhow::Result;
-use learner::search::gaussian::Gaussian;
-use learner::search::mixture::Mixture;
-use learner::search::split_merge::{Split, split};
+use search::gaussian::Gaussian;
+use search::mixture::Mixture;
+use search::split_merge::{Split, split};
 use nalgebra::{DMatrix, DVector, Vector2};
 
 use crate::draw::figure::{Figure, Row, THIRD};

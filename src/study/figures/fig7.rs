@@ -1,7 +1,7 @@
 //! Fig. 7: one run on the landscape, its mixture along the way and its number of components.
 
 use anyhow::Result;
-use learner::search::{Method, Mode};
+use search::{Method, Mode};
 use physics::landscape::{self, PEAK_VALUE};
 
 use crate::draw::figure::{Figure, Row, THIRD};

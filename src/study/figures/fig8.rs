@@ -1,7 +1,7 @@
 //! Fig. 8: table skittles, where the number of solutions depends on where the skittle stands.
 
 use anyhow::Result;
-use learner::search::Method;
+use search::Method;
 use nalgebra::{DVector, Vector2};
 use physics::skittles::{BOX, TARGETS};
 

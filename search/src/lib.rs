@@ -1,4 +1,6 @@
-//! The search: proposes θ, learns from trials, and knows nothing of robots.
+//! The search: proposes θ, learns from trials, and knows nothing of robots, transports and files.
+
+#![forbid(unsafe_code)]
 
 pub mod algorithm1;
 mod ask_tell;
@@ -19,6 +21,7 @@ pub mod normals;
 pub mod pi2;
 pub mod power;
 pub mod random;
+pub mod range;
 pub mod regions;
 pub mod reinforce;
 pub mod rewards;
@@ -28,6 +31,7 @@ mod space;
 pub mod split_merge;
 mod subspace;
 pub mod tempered;
+pub mod trial;
 #[cfg(test)]
 mod vectors;
 

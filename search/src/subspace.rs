@@ -83,8 +83,8 @@ impl Search for Subspace {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::search::random::{Random, RandomConfig};
-    use crate::search::{DirectionsError, SearchConfig, build};
+    use crate::random::{Random, RandomConfig};
+    use crate::{DirectionsError, SearchConfig, build};
 
     /// Three directions in ten parameters.
     fn space() -> Space {

@@ -2,8 +2,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::search::power::by_reward;
-use crate::search::{Bounds, Mode};
+use crate::power::by_reward;
+use crate::{Bounds, Mode};
 use crate::trial::Trial;
 
 /// The top of a hill; its θ and its standard deviations in fractions of the box.

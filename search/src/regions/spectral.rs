@@ -79,7 +79,7 @@ fn k_means(points: &[DVector<f64>], n_groups: usize) -> Vec<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::search::regions::clusters::clouds;
+    use crate::regions::clusters::clouds;
 
     #[test]
     fn separate_clouds_are_groups() {

@@ -6,7 +6,7 @@ use std::collections::BinaryHeap;
 use nalgebra::DVector;
 
 use super::surrogate::{Belief, Conditioned, Surrogate};
-use crate::search::filling::Filling;
+use crate::filling::Filling;
 
 /// Places of the map; in two dimensions they are 0.02 widths of the box apart.
 const N_PLACES: u64 = 3000;

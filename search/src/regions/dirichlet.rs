@@ -124,7 +124,7 @@ fn digamma(mut x: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::search::regions::clusters::clouds;
+    use crate::regions::clusters::clouds;
 
     #[test]
     fn digamma_has_its_known_values() {

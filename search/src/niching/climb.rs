@@ -4,8 +4,8 @@ use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
 
 use crate::range::{Range, range};
-use crate::search::batch::FactorGaussian;
-use crate::search::power::by_reward;
+use crate::batch::FactorGaussian;
+use crate::power::by_reward;
 use crate::trial::Trial;
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

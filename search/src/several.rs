@@ -92,7 +92,7 @@ impl Search for Several {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::search::{SearchConfig, Space, build_all};
+    use crate::{SearchConfig, Space, build_all};
 
     /// Hills of height 1 at (4, 4) and 0.8 at (−4, −4).
     fn reward(theta: &DVector<f64>) -> f64 {

@@ -30,7 +30,7 @@ pub fn nearest(centres: &[DVector<f64>], point: &DVector<f64>) -> usize {
 /// 25 points around each of `centres`, for the tests of the estimators.
 #[cfg(test)]
 pub fn clouds(centres: &[[f64; 2]]) -> Vec<DVector<f64>> {
-    use crate::search::normals::{standard_normal, stream};
+    use crate::normals::{standard_normal, stream};
     let mut rng = stream(5, 1);
     let mut draw = |x: f64| x + 0.04 * standard_normal(&mut rng);
     let points = centres.iter().flat_map(|c| [*c; 25]);

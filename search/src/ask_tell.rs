@@ -85,7 +85,7 @@ impl AskTell {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::search::{SearchConfig, Space, build};
+    use crate::{SearchConfig, Space, build};
 
     fn desk() -> AskTell {
         let space = Space::white(DVector::zeros(2));
