@@ -4,15 +4,20 @@ pub mod arm;
 pub mod bench;
 pub mod demo;
 pub mod doctor;
+pub mod judge;
 pub mod record;
 pub mod shell;
 pub mod soak;
+pub mod task;
 pub mod trials;
 
 use std::num::NonZero;
 use std::path::PathBuf;
 
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
+
+use crate::tasks::{self, Task};
 
 mod policy;
 
@@ -55,6 +60,10 @@ pub enum Verb {
     Demo(demo::DemoArgs),
     /// Check the URDF of an arm and make its configuration
     Arm(arm::ArmArgs),
+    /// Judge the trials of a session once more, by another reward
+    Judge(judge::JudgeArgs),
+    /// List what there is to be learnt
+    Task(task::TaskArgs),
     /// Print all trials of a session as CSV or JSON
     Trials(trials::TrialsArgs),
     /// Write the figures and the HTML page of a session
@@ -73,26 +82,6 @@ pub enum Verb {
     Completions(shell::CompletionsArgs),
     /// Write the manual pages
     Man(shell::ManArgs),
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
-pub enum Task {
-    /// Toss a pancake and catch it after a half flip
-    Pancake,
-    /// Find the highest of three hills (Sec. 4.2, first experiment)
-    Landscape,
-    /// Swing a ball around a post into a skittle (Sec. 4.2, second experiment)
-    Skittles,
-}
-
-impl Task {
-    pub fn name(self) -> &'static str {
-        match self {
-            Task::Pancake => "pancake",
-            Task::Landscape => "landscape",
-            Task::Skittles => "skittles",
-        }
-    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
@@ -148,7 +137,9 @@ Examples:
 
 Ctrl-C stops it with everything saved (exit code 1); the same command with --out resumes it.")]
 pub struct LearnArgs {
-    pub task: Task,
+    /// What to learn
+    #[arg(value_parser = task_names())]
+    pub task: String,
     /// Rollouts of the session, those of earlier runs included
     #[arg(long)]
     pub rollouts: Option<u64>,
@@ -176,6 +167,12 @@ pub struct LearnArgs {
     /// Print one JSON object at the end instead of a summary
     #[arg(long)]
     pub json: bool,
+}
+
+/// Every task with what it is about.
+fn task_names() -> impl TypedValueParser<Value = String> {
+    let value = |task: &&Task| PossibleValue::new(task.name).help(task.about);
+    PossibleValuesParser::new(tasks::ALL.iter().map(value))
 }
 
 /// Two numbers with a comma between them.

@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use learner::LearnerConfig;
-use learner::reward::RewardKind;
-use search::Method;
-use physics::skittles::{self, SkittlesConfig};
+use physics::skittles;
 use rt_controller::ControllerConfig;
 use serde::{Deserialize, Serialize};
+
+use crate::tasks::{self, Task, World};
 
 #[path = "config/plant.rs"] // also where the fuzzer takes this file from here
 pub mod plant;
@@ -45,8 +45,21 @@ pub struct TaskConfig {
     pub demonstration: Option<PathBuf>,
     /// Further ones, of other ways to do it: the search keeps a mode for each.
     pub other_demonstrations: Vec<PathBuf>,
-    /// Where the skittle stands (task skittles), m.
+    /// Where the target stands, of a task that lets it be chosen, m.
     pub target_m: [f64; 2],
+    /// Instead of `learner.reward`: reward and success as expressions over the task's measures.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub judge: Option<JudgeConfig>,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct JudgeConfig {
+    /// `1.5*min(apex_m, 0.55) + flip_angle_rad/pi`
+    pub reward: String,
+    /// `caught and flip_angle_rad > 2.5`; without one, only the reward tells good from bad.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub success: Option<String>,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -92,14 +105,8 @@ impl Default for TaskConfig {
             demonstration: None,
             other_demonstrations: Vec::new(),
             target_m,
+            judge: None,
         }
-    }
-}
-
-impl TaskConfig {
-    /// The world of the task skittles.
-    pub fn skittles(&self) -> SkittlesConfig {
-        SkittlesConfig { target: self.target_m, ..Default::default() }
     }
 }
 
@@ -114,23 +121,9 @@ impl Config {
     pub fn of_task(name: &str) -> Config {
         let mut config = Config::default();
         config.task.name = name.into();
-        let learner = &mut config.learner;
-        match name {
-            "landscape" => {
-                learner.rollouts = 200;
-                learner.action.start = vec![8.0, 2.0];
-                learner.search.method = Method::Tempered;
-                learner.reward.kind = RewardKind::Value;
-            }
-            "skittles" => {
-                learner.rollouts = 200;
-                learner.action.start = vec![0.0, 7.5];
-                learner.search.method = Method::Regions;
-                learner.action.min = skittles::BOX.0.to_vec();
-                learner.action.max = skittles::BOX.1.to_vec();
-                learner.reward.kind = RewardKind::Distance;
-            }
-            _ => {}
+        // One that is not known is refused when the configuration is checked.
+        if let Ok(task) = tasks::find(name) {
+            (task.configure)(&mut config);
         }
         config
     }
@@ -155,21 +148,32 @@ impl Config {
         Ok(config)
     }
 
+    pub fn task(&self) -> Result<&'static Task> {
+        tasks::find(&self.task.name)
+    }
+
+    /// What a success is called; `None` where only the reward tells good from bad.
+    pub fn success(&self) -> Result<Option<&'static str>> {
+        let written = self.task.judge.as_ref();
+        Ok(match written {
+            Some(judge) => judge.success.as_ref().map(|_| "success"),
+            None => self.task()?.success,
+        })
+    }
+
     /// The policy drives an arm; otherwise it is an action vector.
     pub fn has_arm(&self) -> bool {
-        self.task.name == "pancake"
+        self.task().is_ok_and(Task::has_arm)
     }
 
     pub fn validate(&self) -> Result<()> {
         shm_types::cell::Cell::new(&self.cell.name).context("cell.name")?;
-        let name = &self.task.name;
-        if !["pancake", "landscape", "skittles"].contains(&name.as_str()) {
-            bail!("task.name is '{name}': use pancake, landscape or skittles");
-        }
-        if name == "skittles" {
-            self.task.skittles().validate().context("task.target_m")?;
-        }
-        let expected = if self.has_arm() { 0 } else { 2 };
+        let (task, name) = (self.task()?, &self.task.name);
+        (task.check)(self)?;
+        let expected = match task.world {
+            World::Arm(_) => 0,
+            World::Action(world) => world(self).dim(),
+        };
         let found = self.learner.action.start.len();
         if found != expected {
             bail!("learner.action.start has {found} numbers: the task {name} takes {expected}");

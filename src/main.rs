@@ -19,6 +19,7 @@ mod exit;
 mod health;
 mod holding;
 mod host;
+mod judging;
 mod log;
 mod metrics;
 mod output;
@@ -35,6 +36,7 @@ mod soak;
 mod stderr;
 mod study;
 mod summary;
+mod tasks;
 mod tty;
 mod watch;
 
@@ -66,6 +68,8 @@ fn main() -> ExitCode {
         Verb::Replay(args) => commands::replay::run(args),
         Verb::Demo(args) => commands::demo::run(args),
         Verb::Arm(args) => commands::arm::run(args),
+        Verb::Judge(args) => commands::judge::run(args),
+        Verb::Task(args) => commands::task::run(args),
         Verb::Trials(args) => commands::trials::run(args),
         Verb::Report(args) => commands::report::run(args),
         Verb::Study(args) => commands::study::run(args),

@@ -66,15 +66,15 @@ const LINE_EVERY: u64 = 10;
 pub struct Progress {
     bar: Option<ProgressBar>,
     rollouts: u64,
-    has_flips: bool,
+    has_success: bool,
     /// A refusal was shown; one says how the others are.
     has_refused: Cell<bool>,
 }
 
 impl Progress {
-    /// For a session of `rollouts`, of which `done` are over already; `has_flips` when the task
+    /// For a session of `rollouts`, of which `done` are over already; `has_success` when the task
     /// knows success.
-    pub fn new(rollouts: u64, done: u64, has_flips: bool) -> Progress {
+    pub fn new(rollouts: u64, done: u64, has_success: bool) -> Progress {
         let first = match done {
             0 => "starting controller and learner".to_string(),
             // Nothing else is heard until a long session is where it was.
@@ -93,7 +93,7 @@ impl Progress {
         if bar.is_none() && done > 0 {
             say(&first);
         }
-        Progress { bar, rollouts, has_flips, has_refused: Cell::new(false) }
+        Progress { bar, rollouts, has_success, has_refused: Cell::new(false) }
     }
 
     pub fn trial(&self, trial: &TrialLine) {
@@ -106,9 +106,9 @@ impl Progress {
         }
         let best = trial.best_reward.map_or("none".into(), |best| format!("{best:.3}"));
         let mut message = format!("reward {:.3}  best {best}", trial.reward);
-        if self.has_flips {
+        if self.has_success {
             let first = trial.first_success.map_or(String::new(), |n| format!(" (first {n})"));
-            message += &format!("  flips {}{first}", trial.successes);
+            message += &format!("  successes {}{first}", trial.successes);
         }
         if let Some(early) = early::sentence(&trial.ended_early) {
             message += &format!("  {early}");

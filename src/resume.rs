@@ -8,7 +8,7 @@ use learner::replay::Told;
 
 use crate::config::Config;
 use crate::session_folder::SessionFolder;
-use crate::setup;
+use crate::{judging, setup};
 
 /// What takes longer is shown, every so often.
 const EVERY: Duration = Duration::from_secs(3);
@@ -24,6 +24,7 @@ pub fn resume(folder: &SessionFolder, config: &Config, say: impl Fn(&str)) -> Re
         }
     };
     let (dir, task) = (folder.dir(), &config.task.name);
-    Learner::resume_showing(dir, task, &config.learner, &demonstrations, &mut show)
+    let judge = judging::judge(config)?;
+    Learner::resume_showing(dir, task, &config.learner, &demonstrations, judge, &mut show)
         .with_context(|| format!("session {}", dir.display()))
 }

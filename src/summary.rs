@@ -13,6 +13,8 @@ use crate::session_folder::SessionFolder;
 /// The result of a session, for people and for machines.
 pub struct Summary {
     pub task: String,
+    /// What a success is called; `None` where only the reward tells good from bad.
+    pub success: Option<&'static str>,
     pub seed: u64,
     pub result: Achievement,
     /// As `skillet policy modes --json` lists them.
@@ -65,12 +67,12 @@ impl Summary {
 
     pub fn text(&self, report: &Path) -> String {
         let result = &self.result;
-        let achieved = match (self.task.as_str(), result.first_success) {
-            ("pancake", Some(rollout)) => format!(
-                "first caught flip at rollout {rollout}, {:.0} % of the last 20 succeed",
+        let achieved = match (self.success, result.first_success) {
+            (Some(success), Some(rollout)) => format!(
+                "first {success} at rollout {rollout}, {:.0} % of the last 20 succeed",
                 100.0 * result.success_last20
             ),
-            ("pancake", None) => "no caught flip yet".into(),
+            (Some(success), None) => format!("no {success} yet"),
             _ if self.modes.len() == 1 => "one solution found".into(),
             _ => format!("{} solutions found", self.modes.len()),
         };

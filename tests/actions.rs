@@ -2,6 +2,7 @@
 
 mod util;
 
+use learner::store::TrialRecord;
 use serde_json::Value;
 use util::{Bench, bits};
 
@@ -21,10 +22,11 @@ fn skittles_come_out_the_same_twice_and_resumed() {
     assert_eq!(bits(&bench.trials("a")), bits(&bench.trials("b")));
 
     let trials = bench.trials("a");
+    let distance = |trial: &TrialRecord| trial.measures.get("distance_m").unwrap();
     // The world measured a distance, the learner judged it.
     for trial in &trials {
-        assert_eq!(trial.reward, (-3.0 * trial.outcome.value).exp());
-        assert!(trial.outcome.value > 0.0 && trial.n_records > 100);
+        assert_eq!(trial.reward, (-3.0 * distance(trial)).exp());
+        assert!(distance(trial) > 0.0 && trial.n_records > 100);
     }
     let page = util::text(&bench.path("a/report/index.html"));
     assert!(page.contains("<svg") && !page.contains("NaN") && !page.contains("flip"));

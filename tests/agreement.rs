@@ -3,7 +3,7 @@
 use learner::activation::policy_activations;
 use learner::initial_policy::{InitialPolicyConfig, initial_policy};
 use learner::{Demonstration, activation::Activation, parameters, reward};
-use physics::outcome::OutcomeConfig;
+use physics::pancake::outcome::OutcomeConfig;
 use rt_controller::admit::admission;
 use rt_controller::hot::policy::Policy;
 

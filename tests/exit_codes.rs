@@ -89,6 +89,15 @@ const ROWS: [Row; 39] = [
             (ERROR, "absent.csv --out e.csv"),
         ],
     ),
+    (
+        "judge",
+        &[
+            (DONE, "--again s --config s/session.toml"),
+            (ERROR, "--again nowhere --config s/session.toml"),
+            (ERROR, "--again s --config absent.toml"),
+        ],
+    ),
+    ("task list", &[(DONE, "")]),
     ("trials", &[(DONE, "s"), (ERROR, "nowhere")]),
     ("report", &[(DONE, "s"), (ERROR, "nowhere")]),
     ("study", &[(DONE, ""), (ERROR, "nothing")]),
@@ -106,6 +115,7 @@ const ROWS: [Row; 39] = [
     ("policy", &[(ERROR, "")]),
     ("arm", &[(ERROR, "")]),
     ("demo", &[(ERROR, "")]),
+    ("task", &[(ERROR, "")]),
     ("bench", &[(ERROR, "")]),
 ];
 

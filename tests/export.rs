@@ -20,20 +20,25 @@ fn trials_come_back_from_csv_bit_for_bit() {
         let number = |name: &str| text(name).parse::<f64>().unwrap();
         let same = |name: &str, value: f64| assert_eq!(number(name).to_bits(), value.to_bits());
         same("reward", trial.reward);
-        for (name, value) in trial.outcome.fields() {
-            same(name, value);
-            assert_eq!(object[name], value);
+        for measure in trial.measures.iter() {
+            match measure.unit {
+                "bool" => assert_eq!(text(measure.name), (measure.value == 1.0).to_string()),
+                _ => {
+                    same(measure.name, measure.value);
+                    assert_eq!(object[measure.name], measure.value);
+                }
+            }
         }
         for (i, value) in trial.theta.iter().enumerate() {
             same(&format!("theta_{}", i + 1), *value);
         }
         assert_eq!(text("rollout"), trial.rollout.to_string());
-        assert_eq!(text("success"), trial.success().to_string());
+        assert_eq!(text("success"), trial.success.to_string());
         assert_eq!((text("set_aside"), text("fault")), ("false", "0"));
         assert_eq!(text("policy_digest"), format!("{:016x}", trial.policy_digest));
         assert_eq!(object["policy_id"], trial.policy_id);
     }
-    assert_eq!(header.len(), 13 + 13 + trials[0].theta.len());
+    assert_eq!(header.len(), 10 + trials[0].measures.len() + trials[0].theta.len());
 
     bench.ok(&["trials", "s", "--csv", "trials.csv"]);
     assert_eq!(util::text(&bench.path("trials.csv")), printed);
@@ -47,7 +52,7 @@ fn actions_carry_the_units_of_their_world() {
     bench.ok(&["learn", "skittles", "--seed", "1", "--rollouts", "3", "--out", "s"]);
     let printed = bench.ok(&["trials", "s"]);
     let header = printed.lines().next().unwrap();
-    for column in ["value_m", "theta_1_rad", "theta_2_rad_s"] {
+    for column in ["distance_m", "theta_1_rad", "theta_2_rad_s"] {
         assert!(header.split(',').any(|name| name == column), "{column} in {header}");
     }
 }

@@ -1,18 +1,23 @@
 //! A rollout simulated in one process is, bit for bit, the rollout of a session with two.
 
+#[path = "../src/tasks/pancake/measurer.rs"] // what the tool measures by
+mod measurer;
 mod util;
 
+use learner::judge::Judge;
 use learner::parameters::PolicyIds;
 use learner::problem::Problem;
-use search::trial::{Proposal, Trial};
 use learner::{Demonstration, LearnerConfig};
+use measurer::PancakeMeasurer;
 use physics::arm::ArmModel;
-use physics::outcome::OutcomeConfig;
+use physics::pancake::outcome::OutcomeConfig;
 use physics::pancake::{PancakeConfig, PancakePlant, WAM7_START_POSTURE};
+use physics::referee::{Referee, Toss};
 use rt_controller::ControllerConfig;
 use rt_controller::run::Controlled;
 use rt_controller::simulate::simulate;
-use shm_types::episode::{FLAG_TORQUE_CLIPPED, MAX_RECORDS, OUTCOME_SUCCESS, TickRecord};
+use search::trial::{Proposal, Trial};
+use shm_types::episode::{EpisodeHeader, FLAG_TORQUE_CLIPPED, MAX_RECORDS, TickRecord};
 use util::{Bench, text};
 
 #[test]
@@ -32,16 +37,21 @@ fn thetas_rewards_and_outcomes_are_those_of_a_session() {
     let mut search = problem.search(&config);
     let mut plant = PancakePlant::new(&arm, &WAM7_START_POSTURE, &PancakeConfig::default());
     let outcome = OutcomeConfig::default();
+    let referee = Referee::Toss(Toss::new(&outcome.toss));
     let mut controlled =
-        Controlled { model: &arm, plant: &mut plant, q0: WAM7_START_POSTURE, outcome };
+        Controlled { model: &arm, plant: &mut plant, q0: WAM7_START_POSTURE, referee };
     let controller = ControllerConfig::default();
+    let measurer = PancakeMeasurer { model: arm.clone(), outcome, record_s: controller.period_s() };
+    let judge = Judge::new(Box::new(measurer), Box::new(config.reward));
     let mut records = vec![TickRecord::ZERO; MAX_RECORDS];
     for trial in session {
         let Proposal { rollout, theta } = search.ask(trial.rollout);
         assert_eq!(theta, trial.theta, "rollout {rollout}");
         let policy = problem.decode(&theta, PolicyIds::default());
         let simulated = simulate(&mut controlled, &controller, &policy, &mut records).unwrap();
-        assert_eq!(simulated.outcome, trial.outcome, "rollout {rollout}");
+        let episode = &records[..simulated.n_records];
+        let (measures, success, reward) = judge.judge(&EpisodeHeader::default(), episode).unwrap();
+        assert_eq!(measures, trial.measures, "rollout {rollout}");
         assert_eq!(simulated.n_records as u64, trial.n_records);
         assert_eq!(simulated.fault, trial.fault);
         let last = &records[simulated.n_records - 1];
@@ -52,11 +62,9 @@ fn thetas_rewards_and_outcomes_are_those_of_a_session() {
             .iter()
             .filter(|record| record.flags & FLAG_TORQUE_CLIPPED != 0);
         let share = clipped.count() as f64 / simulated.n_records as f64;
-        assert_eq!(simulated.outcome.clipped_share, share, "rollout {rollout}");
+        assert_eq!(measures.get("clipped_share"), Some(share), "rollout {rollout}");
 
-        let reward = config.reward.reward(&simulated.outcome);
-        assert_eq!(reward.to_bits(), trial.reward.to_bits());
-        let success = simulated.outcome.has(OUTCOME_SUCCESS);
+        assert_eq!((success, reward.to_bits()), (trial.success, trial.reward.to_bits()));
         search.tell(&Trial { rollout, theta, reward, success });
     }
 }

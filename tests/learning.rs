@@ -3,21 +3,27 @@
 //! One seed says little: of seeds 1 to 40, the worst ends with 10 % and the best with all of its last
 //! rollouts successful. So the test judges sums over seeds.
 
+#[path = "../src/tasks/pancake/measurer.rs"] // what the tool measures by
+mod measurer;
+
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use learner::judge::Judge;
 use learner::parameters::PolicyIds;
 use learner::problem::Problem;
-use search::Method;
 use learner::summary::LATE_TRIALS;
-use search::trial::{Proposal, Trial};
 use learner::{Demonstration, LearnerConfig};
+use measurer::PancakeMeasurer;
 use physics::arm::ArmModel;
-use physics::outcome::OutcomeConfig;
+use physics::pancake::outcome::OutcomeConfig;
 use physics::pancake::{PancakeConfig, PancakePlant, WAM7_START_POSTURE};
+use physics::referee::{Referee, Toss};
 use rt_controller::ControllerConfig;
 use rt_controller::run::Controlled;
 use rt_controller::simulate::simulate;
-use shm_types::episode::OUTCOME_SUCCESS;
+use search::Method;
+use search::trial::{Proposal, Trial};
+use shm_types::episode::{EpisodeHeader, MAX_RECORDS, TickRecord};
 
 const SEEDS: std::ops::RangeInclusive<u64> = 101..=108;
 /// Of the eight seeds, so many flip at all, …
@@ -31,15 +37,19 @@ const LATE: f64 = 0.65;
 fn successes(config: &LearnerConfig, demonstration: &Demonstration, arm: &ArmModel) -> Vec<bool> {
     let problem = Problem::new(config, std::slice::from_ref(demonstration)).unwrap();
     let mut search = problem.search(config);
+    let (controller, outcome) = (ControllerConfig::default(), OutcomeConfig::default());
+    let measurer = PancakeMeasurer { model: arm.clone(), outcome, record_s: controller.period_s() };
+    let judge = Judge::new(Box::new(measurer), Box::new(config.reward));
+    let mut records = vec![TickRecord::ZERO; MAX_RECORDS];
     let rollout = |rollout| {
         let Proposal { theta, .. } = search.ask(rollout);
         let policy = problem.decode(&theta, PolicyIds::default());
         let mut plant = PancakePlant::new(arm, &WAM7_START_POSTURE, &PancakeConfig::default());
-        let (q0, outcome) = (WAM7_START_POSTURE, OutcomeConfig::default());
-        let mut controlled = Controlled { model: arm, plant: &mut plant, q0, outcome };
-        let controller = ControllerConfig::default();
-        let outcome = simulate(&mut controlled, &controller, &policy, &mut []).unwrap().outcome;
-        let (reward, success) = (config.reward.reward(&outcome), outcome.has(OUTCOME_SUCCESS));
+        let (q0, referee) = (WAM7_START_POSTURE, Referee::Toss(Toss::new(&outcome.toss)));
+        let mut controlled = Controlled { model: arm, plant: &mut plant, q0, referee };
+        let done = simulate(&mut controlled, &controller, &policy, &mut records).unwrap();
+        let (_, success, reward) =
+            judge.judge(&EpisodeHeader::default(), &records[..done.n_records]).unwrap();
         search.tell(&Trial { rollout, theta, reward, success });
         success
     };

@@ -43,7 +43,7 @@ fn the_reference_reader_reads_a_recording() {
     let n_records: u64 = trials.iter().map(|trial| trial.n_records).sum();
     assert_eq!(read["ticks"], n_records);
     assert_eq!(read["gaps"], 0);
-    assert_eq!(read["apex_m"][1], trials[1].outcome.apex_m);
+    assert_eq!(read["apex_m"][1], trials[1].measures.get("apex_m").unwrap());
     assert_eq!(read["rewards"][1], trials[1].reward);
     assert_eq!(read["frames"].as_array().unwrap().len(), 9, "seven joints, pan and pancake");
     assert_eq!(read["attachments"], serde_json::json!(["arm.urdf", "session.toml"]));

@@ -19,8 +19,9 @@ with open(sys.argv[1], "rb") as file:
                 found["gaps"] += 1
             assert len(decoded.q_rad) == 7 and not decoded.HasField("tick_ns")
             last = decoded
-        elif channel.topic == "/outcome":
-            found["apex_m"].append(decoded.apex_m)
+        elif channel.topic == "/measures":
+            measured = {measure.name: measure.value for measure in decoded.measures}
+            found["apex_m"].append(measured["apex_m"])
         elif channel.topic == "/trial":
             found["rewards"].append(decoded.reward)
         elif channel.topic == "/tf":

@@ -6,9 +6,9 @@ mod util;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use physics::arm::{ArmModel, JointVector};
-use physics::outcome::OutcomeConfig;
 use physics::pancake::{PancakeConfig, PancakePlant, WAM7_START_POSTURE};
 use physics::plant::{Measurement, Plant};
+use physics::referee::Referee;
 use rt_controller::run::Controlled;
 use rt_controller::{ControllerConfig, Pace};
 use serde_json::Value;
@@ -35,9 +35,13 @@ impl Plant for Cut<'_> {
         true
     }
 
-    fn reset(&mut self) {
-        self.world.reset();
+    fn begin_reset(&mut self) {
+        self.world.begin_reset();
         self.show();
+    }
+
+    fn is_ready(&self) -> bool {
+        true
     }
 
     fn measure(&self) -> Measurement {
@@ -69,8 +73,8 @@ fn run(bench: &Bench, is_cut: &AtomicBool, stop: &AtomicBool) {
     let world = PancakePlant::new(&model, &WAM7_START_POSTURE, &PancakeConfig::default());
     let mut plant = Cut { shown: world.measure(), world, is_cut };
     let cell = Cell::in_dir(&bench.path("run"), "c1").unwrap();
-    let (q0, outcome) = (WAM7_START_POSTURE, OutcomeConfig::default());
-    let controlled = Controlled { model: &model, plant: &mut plant, q0, outcome };
+    let (q0, referee) = (WAM7_START_POSTURE, Referee::Clock);
+    let controlled = Controlled { model: &model, plant: &mut plant, q0, referee };
     let (config, state) = (ControllerConfig::default(), bench.path("state/c1"));
     rt_controller::run(&cell, &config, Pace::Max, controlled, Some(&state), stop).unwrap();
 }

@@ -85,7 +85,15 @@ fn crates_know_only_what_they_may() {
         ("physics", &["shm-types", "rt-controller", "search", "learner", "iceoryx2"]),
         (
             "search",
-            &["shm-types", "physics", "rt-controller", "learner", "rapier3d", "iceoryx2", "rusqlite"],
+            &[
+                "shm-types",
+                "physics",
+                "rt-controller",
+                "learner",
+                "rapier3d",
+                "iceoryx2",
+                "rusqlite",
+            ],
         ),
         ("learner", &["physics", "rt-controller", "rapier3d"]),
         ("rt-controller", &["search", "learner", "rapier3d", "rusqlite"]),

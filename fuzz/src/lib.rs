@@ -1,9 +1,11 @@
 //! What the targets share: messages that are nearly right, the parts of a cell, folders in memory.
 
 use learner::config::LearnerConfig;
+use learner::judge::Judge;
 use learner::reward::RewardKind;
 use search::Method;
 use physics::arm::ArmModel;
+use shm_types::measures::{Measure, Measures};
 use shm_types::policy::{PolicyMsg, packed_index};
 use tempfile::TempDir;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
@@ -53,6 +55,16 @@ pub const WAM7_URDF: &str = include_str!("../../robots/wam7/wam7_pan.urdf");
 
 pub fn wam() -> ArmModel {
     ArmModel::from_urdf(WAM7_URDF, "pan").expect("the project's own")
+}
+
+/// Of a session of actions.
+pub fn judge() -> Judge {
+    Judge::of_plant(&[("height", "1")], action_session().reward)
+}
+
+/// What its world measured.
+pub fn measured(value: f64) -> Measures {
+    Measures::of([Measure { name: "height", unit: "1", value }]).expect("it is fit to be told")
 }
 
 /// Three soft springs around the start posture's pan: admitted.

@@ -5,7 +5,7 @@ use learner::Learner;
 use learner::store::SessionMeta;
 use libfuzzer_sys::fuzz_target;
 use shm_types::episode::{EpisodeHeader, TickRecord};
-use skillet_fuzz::{action_session, folder, patched, split};
+use skillet_fuzz::{action_session, folder, judge, measured, patched, split};
 
 fuzz_target!(|data: &[u8]| {
     let directory = folder();
@@ -13,9 +13,10 @@ fuzz_target!(|data: &[u8]| {
         task: "landscape".into(),
         session_id: 7,
         config_toml: String::new(),
+        measures: Vec::new(),
         learner: action_session(),
     };
-    let mut learner = Learner::create(directory.path(), meta, &[]).expect("a new session");
+    let mut learner = Learner::create(directory.path(), meta, &[], judge()).expect("a new session");
     for change in data.chunks(120).take(8) {
         let policy = learner.next_policy().expect("there is space");
         assert_eq!(policy.validate(), Ok(()));
@@ -25,6 +26,7 @@ fuzz_target!(|data: &[u8]| {
             policy_id: policy.policy_id,
             policy_digest: policy.digest,
             n_records: 2,
+            measures: measured(0.5),
             ..Default::default()
         };
         let (mode, change) = split(change);
@@ -41,6 +43,6 @@ fuzz_target!(|data: &[u8]| {
     let _ = learner.summary();
     learner.modes().expect("there is space");
     drop(learner);
-    let resumed = Learner::resume(directory.path(), "landscape", &action_session(), &[]);
+    let resumed = Learner::resume(directory.path(), "landscape", &action_session(), &[], judge());
     assert!(resumed.is_ok(), "{:?}", resumed.err());
 });

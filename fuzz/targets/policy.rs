@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 use libfuzzer_sys::fuzz_target;
 use physics::arm::{ArmModel, JointVector};
 use physics::ideal::IdealArm;
-use physics::outcome::OutcomeConfig;
+use physics::referee::Referee;
 use physics::pancake::WAM7_START_POSTURE;
 use physics::plant::{Measurement, Plant};
 use rt_controller::ControllerConfig;
@@ -38,7 +38,7 @@ fn measured(q: JointVector, qd: JointVector, sample: u64) -> Measurement {
 /// A controller in the midst of a rollout: a policy swapped in acts at once.
 fn executing() -> Controller<'static> {
     let mut controller =
-        Controller::new(&ARM, &WAM7_START_POSTURE, &config(), &OutcomeConfig::default());
+        Controller::new(&ARM, &WAM7_START_POSTURE, &config(), &Referee::Clock);
     controller.start(&Policy::new(&springs()));
     for sample in 0..DRIVEN {
         if controller.phase() == Phase::Execute {

@@ -11,12 +11,12 @@ use learner::store::{SessionMeta, Store};
 use libfuzzer_sys::fuzz_target;
 use rusqlite::Connection;
 use rusqlite::types::Value;
-use shm_types::episode::{EpisodeHeader, OutcomeMsg, TickRecord};
-use skillet_fuzz::{action_session, folder, split};
+use shm_types::episode::{EpisodeHeader, TickRecord};
+use skillet_fuzz::{action_session, folder, judge, measured, split};
 use tempfile::TempDir;
 
 /// Tables with their columns; damage names one by its place.
-const COLUMNS: [(&str, &[&str]); 5] = [
+const COLUMNS: [(&str, &[&str]); 6] = [
     ("meta", &["key", "value"]),
     ("policies", &["policy_id", "kind", "rollout", "digest", "message"]),
     ("proposals", &["rollout", "theta"]),
@@ -30,13 +30,12 @@ const COLUMNS: [(&str, &[&str]); 5] = [
             "policy_digest",
             "boot_id",
             "fault",
-            "value",
             "n_records",
-            "outcome_flags",
+            "success",
             "path",
-            "apex_m",
         ],
     ),
+    ("measures", &["rollout", "name", "value"]),
     ("searches", &["rollout", "mean", "std", "floor"]),
 ];
 
@@ -50,9 +49,10 @@ fn sound() -> Vec<u8> {
         task: "landscape".into(),
         session_id: 7,
         config_toml: String::new(),
+        measures: Vec::new(),
         learner: action_session(),
     };
-    let mut learner = Learner::create(folder.path(), meta, &[]).expect("a new session");
+    let mut learner = Learner::create(folder.path(), meta, &[], judge()).expect("a new session");
     for value in [0.5, 0.1, 0.9, 0.4] {
         let policy = learner.next_policy().expect("there is space");
         let header = EpisodeHeader {
@@ -61,7 +61,7 @@ fn sound() -> Vec<u8> {
             policy_id: policy.policy_id,
             policy_digest: policy.digest,
             n_records: 12,
-            outcome: OutcomeMsg { value, ..OutcomeMsg::ZERO },
+            measures: measured(value),
             ..Default::default()
         };
         learner.complete(&policy, &header, &[TickRecord::ZERO; 12]).expect("asked for");
@@ -125,7 +125,7 @@ fuzz_target!(|data: &[u8]| {
             let _ = search.modes();
         }
     }
-    if let Ok(mut learner) = Learner::resume(FOLDER.path(), "landscape", &action_session(), &[]) {
+    if let Ok(mut learner) = Learner::resume(FOLDER.path(), "landscape", &action_session(), &[], judge()) {
         let _ = learner.next_policy();
         let _ = (learner.modes(), learner.summary());
     }

@@ -9,10 +9,10 @@ use crate::exploration::ExplorationConfig;
 use crate::initial_policy::InitialPolicyConfig;
 use crate::modes::Prefer;
 use crate::parameters::{STIFFNESS_MAX, STIFFNESS_MIN, Scales};
-pub use search::range::ConfigError;
-use search::range::{check, range};
 use crate::reward::RewardConfig;
 use search::SearchConfig;
+pub use search::range::ConfigError;
+use search::range::{check, range};
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]

@@ -3,10 +3,11 @@
 use shm_types::episode::{EpisodeError, FAULT_APPROACH_TIMEOUT, FAULT_OVERRUN};
 use thiserror::Error;
 
-use crate::config::ConfigError;
+use crate::judge::JudgeError;
 use crate::parameters::ParameterError;
-use search::{DirectionsError, TellError};
 use crate::store::StoreError;
+use search::range::ConfigError;
+use search::{DirectionsError, TellError};
 
 /// Why a session cannot start or go on.
 #[derive(Debug, Error)]
@@ -19,6 +20,9 @@ pub enum LearnerError {
     Directions(#[from] DirectionsError),
     #[error(transparent)]
     Store(#[from] StoreError),
+    /// The plant or the task is another one than this session's.
+    #[error(transparent)]
+    Judge(JudgeError),
     /// No other rollout would fare better: the session cannot go on.
     #[error("{0}; a session keeps its settings, so start another one with --out")]
     Reward(TellError),
@@ -51,6 +55,8 @@ pub enum CompleteError {
     Swapped { rollout: u64 },
     #[error("rollout {rollout} was cut short by a fault of the machine")]
     MachineFault { rollout: u64 },
+    #[error("rollout {rollout} was not judged: {error}")]
+    NotJudged { rollout: u64, error: JudgeError },
     #[error(transparent)]
     Tell(TellError),
     #[error(transparent)]

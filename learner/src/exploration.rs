@@ -17,8 +17,8 @@ use crate::config::LearnerConfig;
 use crate::demonstration::Demonstration;
 use crate::initial_policy::initial_policy;
 use crate::parameters::{ParameterError, ParameterMap};
-use search::range::{Range, range};
 use crate::trajectory::{Pose, retime};
+use search::range::{Range, range};
 
 /// x, y and z come first in a pose and in θ, rotations after them.
 const N_POSITIONS: usize = 3;

@@ -22,14 +22,15 @@ use crate::config::LearnerConfig;
 use crate::demonstration::Demonstration;
 use crate::error::{CompleteError, LearnerError, not_executed};
 use crate::initial_policy::initial_policy;
+use crate::judge::{Judge, JudgeError};
 use crate::modes::{ModeReport, assess, mode_policy_id};
 use crate::parameters::PolicyIds;
 use crate::path::{PathRow, decimate};
 use crate::problem::Problem;
 use crate::replay::{Replayed, Told, replay, same_bits};
-use search::AskTell;
 use crate::store::{SessionMeta, Store, TrialRecord};
 use crate::summary::{Summary, TrialReport};
+use search::AskTell;
 use search::trial::Proposal;
 
 /// The session file within its folder.
@@ -42,6 +43,7 @@ pub struct Learner {
     config: LearnerConfig,
     problem: Problem,
     search: AskTell,
+    judge: Judge,
     store: Store,
     trials: Vec<TrialRecord>,
     pending: Option<(Proposal, PolicyMsg)>,
@@ -49,13 +51,15 @@ pub struct Learner {
 
 impl Learner {
     /// Starts a session in the existing folder `directory`, from a demonstration, or from the
-    /// action of the configuration when the task has no arm.
+    /// action of the configuration when the task has no arm. Its measures are those of `judge`.
     pub fn create(
         directory: &Path,
         meta: SessionMeta,
         demonstrations: &[Demonstration],
+        judge: Judge,
     ) -> Result<Self, LearnerError> {
         meta.learner.validate()?;
+        let meta = SessionMeta { measures: judge.declared(), ..meta };
         let (policy, source) = match demonstrations.first() {
             Some(demonstration) => {
                 let policy = initial_policy(demonstration, &meta.learner.initial_policy());
@@ -70,7 +74,8 @@ impl Learner {
         let mut store = Store::create(&directory.join(SESSION_FILE), meta, &initial)?;
         store.record_event("created", source)?;
         let search = replay(&config, &problem, &[], &mut |_| {})?;
-        Ok(Learner { config, problem, search, store, trials: Vec::new(), pending: None })
+        let trials = Vec::new();
+        Ok(Learner { config, problem, search, judge, store, trials, pending: None })
     }
 
     /// Continues the session in `directory` as if it had never stopped: the stored trials are told
@@ -81,8 +86,9 @@ impl Learner {
         task: &str,
         config: &LearnerConfig,
         demonstrations: &[Demonstration],
+        judge: Judge,
     ) -> Result<Self, LearnerError> {
-        Learner::resume_showing(directory, task, config, demonstrations, &mut |_| {})
+        Learner::resume_showing(directory, task, config, demonstrations, judge, &mut |_| {})
     }
 
     /// The same for a session that may be long: `on_told` hears of every trial told again.
@@ -91,15 +97,20 @@ impl Learner {
         task: &str,
         config: &LearnerConfig,
         demonstrations: &[Demonstration],
+        judge: Judge,
         on_told: &mut dyn FnMut(Told),
     ) -> Result<Self, LearnerError> {
         config.validate()?;
         let store = Store::resume(&directory.join(SESSION_FILE))?;
         store.expect_task(task)?;
         config.check_resumes(&store.meta().learner)?;
+        let (found, expected) = (judge.declared(), store.meta().measures.clone());
+        if found != expected {
+            return Err(LearnerError::Judge(JudgeError::OtherMeasures { found, expected }));
+        }
         let Replayed { problem, search, trials } = Replayed::of(&store, demonstrations, on_told)?;
         let config = config.clone();
-        let mut learner = Learner { config, problem, search, store, trials, pending: None };
+        let mut learner = Learner { config, problem, search, judge, store, trials, pending: None };
         if let Some(stored) = learner.store.pending_proposal()? {
             learner.pending = Some(learner.reproduce(&stored)?);
         }
@@ -121,7 +132,7 @@ impl Learner {
     }
 
     /// Takes the episode of `policy`, the one [`Learner::next_policy`] returned: checks that it
-    /// executed just that, rewards it, stores it and tells the search.
+    /// executed just that, has it judged, stores it and tells the search.
     pub fn complete(
         &mut self,
         policy: &PolicyMsg,
@@ -143,10 +154,18 @@ impl Learner {
         if let Some(reason) = not_executed(header.fault) {
             return Err(CompleteError::NotExecuted { rollout: header.rollout, reason });
         }
+        let (measures, success, reward) = match self.judge.judge(header, records) {
+            Err(error @ JudgeError::OtherMeasures { .. }) => {
+                return Err(CompleteError::Learner(LearnerError::Judge(error)));
+            }
+            judged => judged
+                .map_err(|error| CompleteError::NotJudged { rollout: header.rollout, error })?,
+        };
         let trial = TrialRecord {
             rollout: header.rollout,
             theta: proposal.theta.clone(),
-            reward: self.config.reward.reward(&header.outcome),
+            reward,
+            success,
             policy_id: header.policy_id,
             policy_digest: header.policy_digest,
             boot_id: header.boot_id,
@@ -154,7 +173,7 @@ impl Learner {
             fault: header.fault,
             n_records: header.n_records,
             set_aside: false,
-            outcome: header.outcome,
+            measures,
         };
         self.search.tell(&trial.trial())?;
         self.record(trial, &decimate(records))
@@ -178,10 +197,10 @@ impl Learner {
         let report = TrialReport {
             rollout: trial.rollout,
             reward: trial.reward,
-            success: trial.success(),
+            success: trial.success,
             fault: trial.fault,
             set_aside: trial.set_aside,
-            outcome: trial.outcome,
+            measures: trial.measures,
         };
         self.trials.push(trial);
         Ok(report)

@@ -13,6 +13,7 @@ pub mod demonstration;
 mod error;
 pub mod exploration;
 pub mod initial_policy;
+pub mod judge;
 pub mod learner;
 pub mod modes;
 pub mod parameters;

@@ -206,8 +206,8 @@ fn symmetric_log(matrix: DMatrix<f64>) -> Result<DMatrix<f64>, f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use search::normals::{standard_normal, stream};
     use nalgebra::Cholesky;
+    use search::normals::{standard_normal, stream};
 
     const IDS: PolicyIds = PolicyIds { session: 9, rollout: 3, policy_id: 5 };
 

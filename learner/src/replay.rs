@@ -6,8 +6,8 @@ use crate::config::LearnerConfig;
 use crate::demonstration::Demonstration;
 use crate::error::LearnerError;
 use crate::problem::Problem;
-use search::AskTell;
 use crate::store::{Store, TrialRecord};
+use search::AskTell;
 
 /// A session brought back.
 pub struct Replayed {
@@ -66,9 +66,9 @@ pub fn same_bits(a: &DVector<f64>, b: &DVector<f64>) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use search::{Method, SearchConfig};
     use search::trial::Trial;
-    use shm_types::episode::OutcomeMsg;
+    use search::{Method, SearchConfig};
+    use shm_types::measures::Measures;
     use shm_types::policy::PolicyMsg;
 
     fn record(trial: Trial) -> TrialRecord {
@@ -76,6 +76,7 @@ mod tests {
             rollout: trial.rollout,
             theta: trial.theta,
             reward: trial.reward,
+            success: trial.success,
             policy_id: trial.rollout,
             policy_digest: 0,
             boot_id: 0,
@@ -83,7 +84,7 @@ mod tests {
             fault: 0,
             n_records: 0,
             set_aside: false,
-            outcome: OutcomeMsg::ZERO,
+            measures: Measures::NONE,
         }
     }
 

@@ -1,29 +1,54 @@
-//! Outcome → reward. The world measures, the learner judges; rewards can be recomputed from the
-//! stored outcomes at any time.
+//! The built-in verdicts: measures → success and reward.
 
 use std::f64::consts::PI;
 
 use serde::{Deserialize, Serialize};
-use shm_types::episode::{OUTCOME_EXPLOIT, OUTCOME_SUCCESS, OutcomeMsg};
+use shm_types::measures::Measures;
 
+use crate::judge::{Declared, Verdict, VerdictError};
 use search::range::{Range, range};
 
 /// Releases beyond these are contact exploits of a simulator, not tosses.
 pub const RELEASE_SPEED_MAX_M_S: f64 = 6.0;
 pub const RELEASE_SPIN_MAX_RAD_S: f64 = 40.0;
 
-/// Which reward function judges the outcomes.
+/// What the rewards of an object that is tossed and caught are made of.
+const PAPER_MEASURES: [&str; 4] = ["apex_m", "crossing_time_s", "flip_angle_rad", "distance_m"];
+const CATCH_MEASURES: [&str; 8] = [
+    "apex_m",
+    "crossing_time_s",
+    "flip_angle_rad",
+    "lateral_m",
+    "caught",
+    "final_lateral_m",
+    "bounce_s",
+    "clipped_share",
+];
+
+/// Which reward function judges the rollouts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum RewardKind {
     /// Sec. 3.1.
     Paper,
-    /// Sec. 4.2, first experiment: what the world measures is the reward.
+    /// Sec. 4.2, first experiment: the first measure is the reward.
     Value,
-    /// Sec. 4.2, second experiment: r = exp(−λ d), d the distance the world measures.
+    /// Sec. 4.2, second experiment: r = exp(−λ d), d the first measure, a distance.
     Distance,
     /// As the paper's, and more for a catch that is calm.
     Catch,
+}
+
+impl RewardKind {
+    /// As the configuration writes it.
+    pub fn name(self) -> &'static str {
+        match self {
+            RewardKind::Paper => "paper",
+            RewardKind::Value => "value",
+            RewardKind::Distance => "distance",
+            RewardKind::Catch => "catch",
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -108,17 +133,29 @@ impl RewardConfig {
         ]
     }
 
-    /// The reward of an outcome: finite, whatever was measured. That of `value` is as negative as
+    /// Those of the measures it needs that are not among `declared`.
+    pub fn missing(&self, declared: &Declared) -> Vec<&'static str> {
+        let needed: &[&str] = match self.kind {
+            RewardKind::Paper => &PAPER_MEASURES,
+            RewardKind::Catch => &CATCH_MEASURES,
+            RewardKind::Value | RewardKind::Distance => &[],
+        };
+        let is_missing = |name: &&str| declared.iter().all(|(there, _)| there != name);
+        needed.iter().copied().filter(is_missing).collect()
+    }
+
+    /// The reward of a rollout: finite, whatever was measured. That of `value` is as negative as
     /// what the world measures; the others are sums of terms that are not.
-    pub fn reward(&self, outcome: &OutcomeMsg) -> f64 {
-        if outcome.fields().iter().any(|(_, value)| !value.is_finite()) || is_exploit(outcome) {
+    pub fn reward(&self, measures: &Measures) -> f64 {
+        if is_exploit(measures) {
             return 0.0;
         }
+        let first = measures.iter().next().map_or(0.0, |measure| measure.value);
         let reward = match self.kind {
-            RewardKind::Paper => self.paper(outcome),
-            RewardKind::Value => outcome.value,
-            RewardKind::Distance => (-self.lambda * outcome.value.max(0.0)).exp(),
-            RewardKind::Catch => self.catch.reward(outcome),
+            RewardKind::Paper => self.paper(measures),
+            RewardKind::Value => first,
+            RewardKind::Distance => (-self.lambda * first.max(0.0)).exp(),
+            RewardKind::Catch => self.catch.reward(measures),
         };
         reward.clamp(f64::MIN, f64::MAX)
     }
@@ -128,13 +165,14 @@ impl RewardConfig {
     ///
     /// Departure: a pancake that never falls through Δ_h gets the height term only; the paper
     /// does not define this case, in which there is no angle and no distance to judge.
-    fn paper(&self, outcome: &OutcomeMsg) -> f64 {
-        let height = self.w3 * outcome.apex_m.max(0.0);
-        if outcome.crossing_time_s <= 0.0 {
+    fn paper(&self, measures: &Measures) -> f64 {
+        let of = |name| value(measures, name);
+        let height = self.w3 * of("apex_m").max(0.0);
+        if of("crossing_time_s") <= 0.0 {
             return height;
         }
-        let flip = outcome.flip_angle_rad.clamp(0.0, PI) / PI;
-        self.w1 * flip + self.w2 * (-outcome.distance_m.max(0.0)).exp() + height
+        let flip = of("flip_angle_rad").clamp(0.0, PI) / PI;
+        self.w1 * flip + self.w2 * (-of("distance_m").max(0.0)).exp() + height
     }
 }
 
@@ -147,43 +185,65 @@ impl CatchConfig {
     /// the distance is the lateral one and steep, the height is capped, and a catch pays by itself,
     /// most without bounces and without saturated motors: those two tell which catches survive
     /// another pancake.
-    fn reward(&self, outcome: &OutcomeMsg) -> f64 {
+    fn reward(&self, measures: &Measures) -> f64 {
+        let of = |name| value(measures, name);
         let near = |lateral_m: f64| (-lateral_m.max(0.0) / self.lateral_m).exp();
-        let mut reward = self.height * outcome.apex_m.clamp(0.0, self.height_max_m);
-        if outcome.crossing_time_s > 0.0 {
-            reward += self.angle * outcome.flip_angle_rad.clamp(0.0, PI) / PI;
-            reward += self.aim * near(outcome.lateral_m);
+        let mut reward = self.height * of("apex_m").clamp(0.0, self.height_max_m);
+        if of("crossing_time_s") > 0.0 {
+            reward += self.angle * of("flip_angle_rad").clamp(0.0, PI) / PI;
+            reward += self.aim * near(of("lateral_m"));
         }
-        if outcome.has(OUTCOME_SUCCESS) {
-            reward += self.catch * near(outcome.final_lateral_m);
-            reward += self.calm * (-outcome.bounce_s.max(0.0) / self.bounce_s).exp();
-            reward += self.ease * (-outcome.clipped_share.max(0.0) / self.clipped_share).exp();
+        if measures.has("caught") {
+            reward += self.catch * near(of("final_lateral_m"));
+            reward += self.calm * (-of("bounce_s").max(0.0) / self.bounce_s).exp();
+            reward += self.ease * (-of("clipped_share").max(0.0) / self.clipped_share).exp();
         }
         reward
     }
 }
 
-fn is_exploit(outcome: &OutcomeMsg) -> bool {
-    outcome.has(OUTCOME_EXPLOIT)
-        || outcome.release_speed_m_s.abs() > RELEASE_SPEED_MAX_M_S
-        || outcome.release_spin_rad_s.abs() > RELEASE_SPIN_MAX_RAD_S
+fn is_exploit(measures: &Measures) -> bool {
+    let of = |name| value(measures, name);
+    measures.has("exploit")
+        || of("release_speed_m_s").abs() > RELEASE_SPEED_MAX_M_S
+        || of("release_spin_rad_s").abs() > RELEASE_SPIN_MAX_RAD_S
+}
+
+/// 0 where it was not measured.
+fn value(measures: &Measures, name: &str) -> f64 {
+    measures.get(name).unwrap_or(0.0)
+}
+
+impl Verdict for RewardConfig {
+    fn judge(&self, measures: &Measures) -> Result<(bool, f64), VerdictError> {
+        Ok((measures.has("caught"), self.reward(measures)))
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use shm_types::episode::OUTCOME_TOSSED;
+    use shm_types::measures::{Measure, TRUTH};
 
-    const FLIP: OutcomeMsg = OutcomeMsg {
-        flags: OUTCOME_TOSSED,
-        release_speed_m_s: 2.8,
-        release_spin_rad_s: 4.7,
-        apex_m: 0.71,
-        crossing_time_s: 1.2,
-        flip_angle_rad: 2.6,
-        distance_m: 0.12,
-        ..OutcomeMsg::ZERO
-    };
+    const FLIP: [(&str, f64); 6] = [
+        ("release_speed_m_s", 2.8),
+        ("release_spin_rad_s", 4.7),
+        ("apex_m", 0.71),
+        ("crossing_time_s", 1.2),
+        ("flip_angle_rad", 2.6),
+        ("distance_m", 0.12),
+    ];
+    const NOTHING: [(&str, f64); 0] = [];
+
+    /// The measures `these`, some of them measured otherwise or besides.
+    fn with(these: &[(&'static str, f64)], others: &[(&'static str, f64)]) -> Measures {
+        let is_kept = |(name, _): &&(&str, f64)| others.iter().all(|(other, _)| other != name);
+        let measures = these.iter().filter(is_kept).chain(others).map(|(name, value)| {
+            let unit = if matches!(*name, "caught" | "exploit") { TRUTH } else { "1" };
+            Measure { name, unit, value: *value }
+        });
+        Measures::of(measures).unwrap()
+    }
 
     const PAPER: RewardConfig = RewardConfig {
         kind: RewardKind::Paper,
@@ -205,75 +265,90 @@ mod tests {
         },
     };
 
-    fn reward(outcome: OutcomeMsg) -> f64 {
-        PAPER.reward(&outcome)
+    fn reward(others: &[(&'static str, f64)]) -> f64 {
+        PAPER.reward(&with(&FLIP, others))
     }
 
-    fn catch(outcome: OutcomeMsg) -> f64 {
-        RewardConfig { kind: RewardKind::Catch, ..PAPER }.reward(&outcome)
+    fn catch(others: &[(&'static str, f64)]) -> f64 {
+        RewardConfig { kind: RewardKind::Catch, ..PAPER }.reward(&with(&FLIP, others))
     }
 
     #[test]
     fn a_calm_catch_earns_most() {
-        let toss = OutcomeMsg { lateral_m: 0.05, ..FLIP };
         let crossing = 1.5 * 0.55 + 2.6 / PI + (-0.5_f64).exp();
-        assert!((catch(toss) - crossing).abs() < 1e-14, "the height is capped");
-        let low = OutcomeMsg { crossing_time_s: 0.0, apex_m: 0.2, ..FLIP };
-        assert!((catch(low) - 0.3).abs() < 1e-14);
+        assert!((catch(&[("lateral_m", 0.05)]) - crossing).abs() < 1e-14, "the height is capped");
+        let low = catch(&[("lateral_m", 0.05), ("crossing_time_s", 0.0), ("apex_m", 0.2)]);
+        assert!((low - 0.3).abs() < 1e-14);
 
-        let flags = OUTCOME_TOSSED | OUTCOME_SUCCESS;
-        let caught = OutcomeMsg { flags, final_lateral_m: 0.02, ..toss };
-        assert!((catch(caught) - (crossing + (-0.2_f64).exp() + 1.0)).abs() < 1e-14);
-        let rough = OutcomeMsg { bounce_s: 0.1, clipped_share: 0.05, ..caught };
+        let caught = [("lateral_m", 0.05), ("caught", 1.0), ("final_lateral_m", 0.02)];
+        let calm = catch(&caught);
+        assert!((calm - (crossing + (-0.2_f64).exp() + 1.0)).abs() < 1e-14);
+        let rough = catch(&[&caught[..], &[("bounce_s", 0.1), ("clipped_share", 0.05)]].concat());
         let lost = 0.5 * (1.0 - (-2.0_f64).exp()) + 0.5 * (1.0 - (-1.0_f64).exp());
-        assert!((catch(caught) - catch(rough) - lost).abs() < 1e-14);
-        assert_eq!(catch(OutcomeMsg { flags: flags | OUTCOME_EXPLOIT, ..caught }), 0.0);
+        assert!((calm - rough - lost).abs() < 1e-14);
+        assert_eq!(catch(&[&caught[..], &[("exploit", 1.0)]].concat()), 0.0);
+    }
+
+    #[test]
+    fn a_catch_is_a_success() {
+        assert_eq!(PAPER.judge(&with(&FLIP, &[("caught", 1.0)])).unwrap().0, true);
+        assert_eq!(PAPER.judge(&with(&FLIP, &[("caught", 0.0)])).unwrap().0, false);
+        assert_eq!(PAPER.judge(&with(&FLIP, &[])).unwrap().0, false);
+    }
+
+    #[test]
+    fn names_the_measures_that_a_task_lacks() {
+        let of = |names: &[&str]| names.iter().map(|name| (name.to_string(), "m".into())).collect();
+        let few = of(&["apex_m", "crossing_time_s", "flip_angle_rad"]);
+        assert_eq!(PAPER.missing(&few), ["distance_m"]);
+        let value = RewardConfig { kind: RewardKind::Value, ..PAPER };
+        assert!(value.missing(&few).is_empty());
     }
 
     #[test]
     fn is_the_weighted_sum_of_section_3_1() {
         let expected = 0.5 * 2.6 / PI + 0.5 * (-0.12_f64).exp() + 0.5 * 0.71;
-        assert!((reward(FLIP) - expected).abs() < 1e-15);
+        assert!((reward(&[]) - expected).abs() < 1e-15);
         let weights = RewardConfig { w1: 1.0, w2: 0.0, w3: 2.0, ..PAPER };
-        assert!((weights.reward(&FLIP) - (2.6 / PI + 1.42)).abs() < 1e-15);
+        assert!((weights.reward(&with(&FLIP, &[])) - (2.6 / PI + 1.42)).abs() < 1e-15);
     }
 
     #[test]
     fn without_a_crossing_only_the_height_counts() {
-        assert_eq!(reward(OutcomeMsg { crossing_time_s: 0.0, ..FLIP }), 0.5 * 0.71);
-        assert_eq!(reward(OutcomeMsg::ZERO), 0.0);
+        assert_eq!(reward(&[("crossing_time_s", 0.0)]), 0.5 * 0.71);
+        assert_eq!(PAPER.reward(&with(&NOTHING, &[])), 0.0);
     }
 
     #[test]
-    fn worlds_without_an_arm_are_judged_by_their_value() {
-        let outcome = OutcomeMsg { value: 0.25, ..OutcomeMsg::ZERO };
-        let of = |kind| RewardConfig { kind, ..Default::default() }.reward(&outcome);
-        assert_eq!(of(RewardKind::Value), 0.25);
-        assert_eq!(of(RewardKind::Distance), (-0.75_f64).exp());
-        let value = RewardConfig { kind: RewardKind::Value, ..Default::default() };
-        for value_measured in [-1.0, -1e-300, f64::MIN] {
-            let negative = OutcomeMsg { value: value_measured, ..outcome };
-            assert_eq!(value.reward(&negative), value_measured, "it is a reward like any other");
+    fn worlds_without_an_arm_are_judged_by_their_first_measure() {
+        let of = |kind, value| {
+            let measures = with(&NOTHING, &[("height", value), ("other", 7.0)]);
+            RewardConfig { kind, ..Default::default() }.reward(&measures)
+        };
+        assert_eq!(of(RewardKind::Value, 0.25), 0.25);
+        assert_eq!(of(RewardKind::Distance, 0.25), (-0.75_f64).exp());
+        for value in [-1.0, -1e-300, f64::MIN] {
+            assert_eq!(of(RewardKind::Value, value), value, "it is a reward like any other");
         }
     }
 
     #[test]
     fn exploits_earn_nothing() {
-        assert_eq!(reward(OutcomeMsg { release_speed_m_s: 6.1, ..FLIP }), 0.0);
-        assert_eq!(reward(OutcomeMsg { release_spin_rad_s: -41.0, ..FLIP }), 0.0);
-        assert_eq!(reward(OutcomeMsg { flags: OUTCOME_EXPLOIT, ..FLIP }), 0.0);
+        assert_eq!(reward(&[("release_speed_m_s", 6.1)]), 0.0);
+        assert_eq!(reward(&[("release_spin_rad_s", -41.0)]), 0.0);
+        assert_eq!(reward(&[("exploit", 1.0)]), 0.0);
     }
 
     #[test]
-    fn is_finite_and_not_negative_for_any_outcome() {
-        let extremes = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -1e308, -1.0, 0.0, 1e308];
+    fn is_finite_and_not_negative_whatever_is_measured() {
+        let extremes = [f64::MAX, f64::MIN, -1e308, -1.0, 0.0, 1e308];
         for a in extremes {
             for b in extremes {
-                for outcome in [
-                    OutcomeMsg { apex_m: a, flip_angle_rad: b, ..FLIP },
-                    OutcomeMsg { distance_m: a, crossing_time_s: b, ..FLIP },
+                for others in [
+                    [("apex_m", a), ("flip_angle_rad", b)],
+                    [("distance_m", a), ("crossing_time_s", b)],
                 ] {
-                    for r in [reward(outcome), catch(outcome)] {
+                    for r in [reward(&others), catch(&others)] {
                         assert!(r.is_finite() && r >= 0.0, "{a} {b}: {r}");
                     }
                 }

@@ -13,12 +13,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use shm_types::SCHEMA;
-use shm_types::episode::Ack;
+use shm_types::episode::{Ack, EpisodeHeader, TickRecord};
 use shm_types::policy::PolicyMsg;
 use shm_types::ports::LearnerPorts;
 use shm_types::telemetry::{Heartbeat, WAITS_DISK, WAITS_NOT};
 
 use crate::error::{CompleteError, LearnerError};
+use crate::judge::JudgeError;
 use crate::learner::Learner;
 use crate::summary::TrialReport;
 pub use event::{End, Event, SessionError};
@@ -36,6 +37,8 @@ const ATTEMPTS: u32 = 3;
 const SET_ASIDE: u32 = 3;
 /// Policies refused in a row after which the session ends: the search will not find its way back.
 const REFUSED: u64 = 20;
+/// Rollouts without a verdict in a row after which the session ends: nothing is learnt.
+const NOT_JUDGED: u64 = 20;
 /// A rollout that takes longer, Approach included, is asked for again.
 const ROLLOUT: Duration = Duration::from_secs(30);
 
@@ -127,7 +130,8 @@ impl Link {
     /// Tells the controller what is durable. It is cumulative, so a lost one does no harm.
     fn acknowledge(&self, learner: &Learner) {
         let (session, durable_rollout) = (learner.session_id(), learner.durable_rollout());
-        let ack = Ack { schema: SCHEMA, session, durable_rollout };
+        let success = u64::from(learner.trials().last().is_some_and(|trial| trial.success));
+        let ack = Ack { schema: SCHEMA, session, durable_rollout, success };
         if let Err(error) = self.ports.acks.send_copy(ack) {
             tracing::warn!("acknowledgement of rollout {durable_rollout} not sent: {error:?}");
         }
@@ -161,6 +165,10 @@ impl Link {
                     }
                     Err(CompleteError::Refused { rollout, reason }) => {
                         return self.refused(learner, rollout, reason, stop, on_event);
+                    }
+                    Err(CompleteError::NotJudged { rollout, error }) => {
+                        let episode = (episode.user_header(), episode.payload());
+                        return self.not_judged(learner, rollout, episode, &error, stop, on_event);
                     }
                     // An operator's or the machine's doing, as often as it comes: no attempt of ours.
                     Err(
@@ -242,6 +250,28 @@ impl Link {
         }
         if report.is_some() {
             on_event(Event::Refused { rollout, reason });
+        }
+        Ok(report)
+    }
+
+    /// Goes on without a rollout of which there is no verdict: executed again, it would be the same.
+    fn not_judged(
+        &mut self,
+        learner: &mut Learner,
+        rollout: u64,
+        (header, records): (&EpisodeHeader, &[TickRecord]),
+        error: &JudgeError,
+        stop: &AtomicBool,
+        on_event: &mut dyn FnMut(Event<'_>),
+    ) -> Result<Option<TrialReport>, SessionError> {
+        let store = || learner.not_judged(header, records, error);
+        let report = self.stored_trial(stop, on_event, store)?;
+        let (rollouts, reason) = (learner.set_aside_in_a_row(), error.to_string());
+        if rollouts >= NOT_JUDGED {
+            return Err(SessionError::NoneJudged { rollouts, last: rollout, reason });
+        }
+        if report.is_some() {
+            on_event(Event::SetAside { rollout, reason });
         }
         Ok(report)
     }

@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 
 use serde::Serialize;
-use shm_types::episode::{FAULT_SWAPPED, OutcomeMsg};
+use shm_types::episode::FAULT_SWAPPED;
+use shm_types::measures::Measures;
 
 use crate::store::TrialRecord;
 
@@ -19,7 +20,7 @@ pub struct TrialReport {
     pub fault: u64,
     /// It gave no usable episode; nothing was learnt from it.
     pub set_aside: bool,
-    pub outcome: OutcomeMsg,
+    pub measures: Measures,
 }
 
 /// What became of a session.
@@ -50,7 +51,7 @@ impl Summary {
     /// Summary of trials in the order of their rollouts.
     pub fn of(trials: &[TrialRecord]) -> Self {
         let late = &trials[trials.len().saturating_sub(LATE_TRIALS)..];
-        let count = |trials: &[TrialRecord]| trials.iter().filter(|t| t.success()).count();
+        let count = |trials: &[TrialRecord]| trials.iter().filter(|t| t.success).count();
         // What was set aside was not rewarded: its 0 is none, and may be above all others.
         let rewarded = trials.iter().filter(|trial| !trial.set_aside);
         let best = rewarded.reduce(|a, b| if b.reward > a.reward { b } else { a });
@@ -64,7 +65,7 @@ impl Summary {
             faults: trials.iter().filter(|trial| trial.fault != 0).count() as u64,
             ended_early,
             set_aside: trials.iter().filter(|trial| trial.set_aside).count() as u64,
-            first_success: trials.iter().find(|trial| trial.success()).map(|trial| trial.rollout),
+            first_success: trials.iter().find(|trial| trial.success).map(|trial| trial.rollout),
             success_last20: count(late) as f64 / late.len().max(1) as f64,
             best_reward: best.map_or(0.0, |trial| trial.reward),
             best_rollout: best.map(|trial| trial.rollout),
@@ -76,14 +77,13 @@ impl Summary {
 mod tests {
     use super::*;
     use nalgebra::DVector;
-    use shm_types::episode::OUTCOME_SUCCESS;
 
     fn trial(rollout: u64, reward: f64, success: bool) -> TrialRecord {
-        let flags = if success { OUTCOME_SUCCESS } else { 0 };
         TrialRecord {
             rollout,
             theta: DVector::zeros(1),
             reward,
+            success,
             policy_id: rollout,
             policy_digest: 0,
             boot_id: 0,
@@ -91,7 +91,7 @@ mod tests {
             fault: 0,
             n_records: 0,
             set_aside: false,
-            outcome: OutcomeMsg { flags, ..OutcomeMsg::ZERO },
+            measures: Measures::NONE,
         }
     }
 

@@ -3,11 +3,13 @@
 use std::path::Path;
 
 use learner::config::LearnerConfig;
-use learner::reward::RewardKind;
-use learner::search::{Method, RewardMap, SearchConfig};
+use learner::judge::Judge;
+use learner::reward::{RewardConfig, RewardKind};
 use learner::store::SessionMeta;
 use learner::{CompleteError, Learner, LearnerError};
-use shm_types::episode::{EpisodeHeader, OutcomeMsg, TickRecord};
+use search::{Method, RewardMap, SearchConfig};
+use shm_types::episode::{EpisodeHeader, TickRecord};
+use shm_types::measures::{Measure, Measures};
 use shm_types::policy::PolicyMsg;
 use tempfile::TempDir;
 
@@ -22,9 +24,15 @@ fn action_session(directory: &Path, search: SearchConfig) -> Learner {
         task: "landscape".into(),
         session_id: SESSION,
         config_toml: String::new(),
+        measures: Vec::new(),
         learner: config,
     };
-    Learner::create(directory, meta, &[]).expect("a new session")
+    Learner::create(directory, meta, &[], judge()).expect("a new session")
+}
+
+fn judge() -> Judge {
+    let reward = RewardConfig { kind: RewardKind::Value, ..Default::default() };
+    Judge::of_plant(&[("height", "1")], reward)
 }
 
 /// Tells the pending rollout a value that is always negative.
@@ -36,13 +44,14 @@ fn complete_with_a_cost(learner: &mut Learner) -> Result<f64, CompleteError> {
 
 fn execute_action(policy: &PolicyMsg) -> (EpisodeHeader, Vec<TickRecord>) {
     let [x, y] = [policy.action[0], policy.action[1]];
+    let value = -1.0 - x * x - y * y;
     let header = EpisodeHeader {
         session: policy.session,
         rollout: policy.rollout,
         policy_id: policy.policy_id,
         policy_digest: policy.digest,
         n_records: 12,
-        outcome: OutcomeMsg { value: -1.0 - x * x - y * y, ..OutcomeMsg::ZERO },
+        measures: Measures::of([Measure { name: "height", unit: "1", value }]).unwrap(),
         ..Default::default()
     };
     (header, vec![TickRecord::ZERO; 12])
@@ -60,9 +69,13 @@ fn negative_rewards_are_stored_and_learnt_from() {
     assert_eq!(learner.summary().best_reward, rewards.iter().copied().fold(f64::MIN, f64::max));
     let config = learner.store().meta().learner.clone();
     drop(learner);
-    let mut again = Learner::resume(directory.path(), "landscape", &config, &[]).unwrap();
+    let mut again = Learner::resume(directory.path(), "landscape", &config, &[], judge()).unwrap();
     assert_eq!(again.trials().iter().map(|trial| trial.reward).collect::<Vec<_>>(), rewards);
 
+    again.next_policy().unwrap();
+    let refused = again.refused("a test").unwrap();
+    let worst = rewards.iter().copied().fold(0.0, f64::min);
+    assert_eq!(refused.reward, worst, "a policy that was refused is no better than the worst");
     again.next_policy().unwrap();
     again.set_aside("a test").unwrap();
     assert!(again.summary().best_reward <= -1.0, "what was set aside is not the best");

@@ -4,6 +4,7 @@
 use std::path::Path;
 
 use learner::config::LearnerConfig;
+use learner::judge::Judge;
 use learner::learner::SESSION_FILE;
 use learner::modes::MODE_POLICY_ID;
 use learner::reward::{RewardConfig, RewardKind};
@@ -11,7 +12,8 @@ use learner::search::power::PowerConfig;
 use learner::search::{Method, SearchConfig};
 use learner::store::SessionMeta;
 use learner::{CompleteError, Demonstration, Learner, LearnerError};
-use shm_types::episode::{EpisodeHeader, OUTCOME_SUCCESS, OutcomeMsg, TickRecord};
+use shm_types::episode::{EpisodeHeader, TickRecord};
+use shm_types::measures::{Measure, Measures, TRUTH};
 use shm_types::policy::PolicyMsg;
 use tempfile::TempDir;
 
@@ -36,16 +38,27 @@ fn create(directory: &Path, config: LearnerConfig) -> Learner {
         task: "pancake".into(),
         session_id: SESSION,
         config_toml: String::new(),
+        measures: Vec::new(),
         learner: config,
     };
-    Learner::create(directory, meta, &[demonstration()]).expect("a new session")
+    Learner::create(directory, meta, &[demonstration()], judge()).expect("a new session")
+}
+
+/// By the paper's reward, of which this world measures the height.
+fn judge() -> Judge {
+    let reward = RewardConfig { kind: RewardKind::Paper, ..Default::default() };
+    Judge::of_plant(&[("caught", TRUTH), ("apex_m", "m")], reward)
 }
 
 /// The made-up controller: the pancake rises the higher, the higher the attractors in the middle.
 fn execute(policy: &PolicyMsg) -> (EpisodeHeader, Vec<TickRecord>) {
     assert_eq!(policy.validate(), Ok(()));
     let apex_m = (policy.components[3].attractor[2] - 0.5).max(0.0);
-    let flags = if apex_m > 0.7 { OUTCOME_SUCCESS } else { 0 };
+    let caught = f64::from(u8::from(apex_m > 0.7));
+    let measures = [
+        Measure { name: "caught", unit: TRUTH, value: caught },
+        Measure { name: "apex_m", unit: "m", value: apex_m },
+    ];
     let header = EpisodeHeader {
         boot_id: 77,
         session: policy.session,
@@ -54,7 +67,7 @@ fn execute(policy: &PolicyMsg) -> (EpisodeHeader, Vec<TickRecord>) {
         policy_digest: policy.digest,
         applied_tick: 1000 * policy.rollout,
         n_records: 30,
-        outcome: OutcomeMsg { flags, apex_m, ..OutcomeMsg::ZERO },
+        measures: Measures::of(measures).unwrap(),
         ..Default::default()
     };
     (header, vec![TickRecord::ZERO; 32])
@@ -65,7 +78,7 @@ fn run(learner: &mut Learner, until: u64) {
         let policy = learner.next_policy().expect("the disk has space");
         let (header, records) = execute(&policy);
         let report = learner.complete(&policy, &header, &records).expect("the episode is its own");
-        assert_eq!(report.reward, 0.5 * header.outcome.apex_m);
+        assert_eq!(report.reward, 0.5 * header.measures.get("apex_m").unwrap());
     }
 }
 
@@ -109,7 +122,8 @@ fn resuming_after_40_trials_equals_100_without_a_stop() {
     run(&mut learner, 40);
     drop(learner);
     let mut learner =
-        Learner::resume(split.path(), "pancake", &config(5), &[demonstration()]).expect("resumes");
+        Learner::resume(split.path(), "pancake", &config(5), &[demonstration()], judge())
+            .expect("resumes");
     assert_eq!(learner.durable_rollout(), 40);
     run(&mut learner, 100);
 
@@ -129,7 +143,8 @@ fn a_crash_after_publishing_loses_no_rollout() {
     drop(learner);
 
     let mut learner =
-        Learner::resume(directory.path(), "pancake", &config(2), &[demonstration()]).unwrap();
+        Learner::resume(directory.path(), "pancake", &config(2), &[demonstration()], judge())
+            .unwrap();
     // The controller finished the rollout meanwhile: its episode counts without asking again.
     let (header, records) = execute(&published);
     assert_eq!(learner.complete(&published, &header, &records).unwrap().rollout, 16);
@@ -137,7 +152,8 @@ fn a_crash_after_publishing_loses_no_rollout() {
     drop(learner);
 
     let mut learner =
-        Learner::resume(directory.path(), "pancake", &config(2), &[demonstration()]).unwrap();
+        Learner::resume(directory.path(), "pancake", &config(2), &[demonstration()], judge())
+            .unwrap();
     let again = learner.next_policy().unwrap();
     assert_eq!(again, learner.next_policy().unwrap());
     assert_eq!(learner.store().policy(17).unwrap(), Some(again));
@@ -231,8 +247,9 @@ fn a_rollout_set_aside_is_counted_and_not_learnt_and_the_session_resumes() {
     let before = mode_policy(&mut learner);
     let policy = learner.next_policy().unwrap();
     let (header, records) = execute(&policy);
-    let outcome = OutcomeMsg { apex_m: f64::NAN, ..header.outcome };
-    let error = learner.complete(&policy, &EpisodeHeader { outcome, ..header }, &records);
+    let mut spoilt = header;
+    spoilt.measures.values[1] = f64::NAN;
+    let error = learner.complete(&policy, &spoilt, &records);
     assert!(matches!(error, Err(CompleteError::Invalid(_))));
     assert!(learner.set_aside("apex_m is NaN").unwrap().set_aside);
 
@@ -243,7 +260,8 @@ fn a_rollout_set_aside_is_counted_and_not_learnt_and_the_session_resumes() {
     let next = learner.next_policy().unwrap();
     drop(learner);
     let mut resumed =
-        Learner::resume(directory.path(), "pancake", &config(3), &[demonstration()]).unwrap();
+        Learner::resume(directory.path(), "pancake", &config(3), &[demonstration()], judge())
+            .unwrap();
     assert_eq!(resumed.next_policy().unwrap(), next);
     let events = resumed.store().events().unwrap();
     assert!(events.iter().any(|event| event.text == "rollout 13: apex_m is NaN"));
@@ -257,7 +275,7 @@ fn resumes_only_with_its_own_task_configuration_and_history() {
     learner.next_policy().unwrap();
     drop(learner);
     let resume = |task: &str, config: &LearnerConfig| {
-        Learner::resume(directory.path(), task, config, &[demonstration()])
+        Learner::resume(directory.path(), task, config, &[demonstration()], judge())
     };
     let refused = |task: &str, config: &LearnerConfig| resume(task, config).err().unwrap();
 

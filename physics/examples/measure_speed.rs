@@ -45,7 +45,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         plant.apply(&dynamics::rnea(&model, &state.q, &state.qd, &qdd));
         plant.advance();
     });
-    report("plant: reset", 200, || plant.reset());
+    report("plant: reset", 200, || plant.begin_reset());
     Ok(())
 }
 

@@ -5,13 +5,22 @@ use nalgebra::{Vector2, Vector3};
 use crate::landscape;
 use crate::skittles::{SkittlesConfig, Swing, Throw, horizon};
 
-/// One action in, one measured number out.
-pub trait ActionWorld: Sync {
+/// One named number of a rollout.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Measured {
+    pub name: &'static str,
+    /// `1` for a number without unit, `bool` for a truth value.
+    pub unit: &'static str,
+    pub value: f64,
+}
+
+/// One action in, measured numbers out.
+pub trait ActionWorld: Send + Sync {
     /// Numbers of an action.
     fn dim(&self) -> usize;
 
-    /// What the world measures of `action`, in its unit; `action` has `dim()` finite numbers.
-    fn measure(&self, action: &[f64]) -> f64;
+    /// What the world measures of `action`, which has `dim()` finite numbers: always the same names.
+    fn measure(&self, action: &[f64]) -> Vec<Measured>;
 
     /// Where the tracked object is every `period_s` from the start to the end of the rollout, m;
     /// empty when nothing moves.
@@ -27,8 +36,9 @@ impl ActionWorld for Landscape {
         2
     }
 
-    fn measure(&self, action: &[f64]) -> f64 {
-        landscape::height(&Vector2::new(action[0], action[1]))
+    fn measure(&self, action: &[f64]) -> Vec<Measured> {
+        let value = landscape::height(&Vector2::new(action[0], action[1]));
+        vec![Measured { name: "height", unit: "1", value }]
     }
 
     fn path(&self, _action: &[f64], _period_s: f64) -> Vec<Vector3<f64>> {
@@ -42,8 +52,9 @@ impl ActionWorld for SkittlesConfig {
         2
     }
 
-    fn measure(&self, action: &[f64]) -> f64 {
-        self.fly(&throw(action)).distance_m
+    fn measure(&self, action: &[f64]) -> Vec<Measured> {
+        let value = self.fly(&throw(action)).distance_m;
+        vec![Measured { name: "distance_m", unit: "m", value }]
     }
 
     fn path(&self, action: &[f64], period_s: f64) -> Vec<Vector3<f64>> {

@@ -34,8 +34,12 @@ impl Plant for IdealArm<'_> {
         true
     }
 
-    fn reset(&mut self) {
+    fn begin_reset(&mut self) {
         (self.q, self.qd, self.tau) = (self.q0, JointVector::zeros(), JointVector::zeros());
+    }
+
+    fn is_ready(&self) -> bool {
+        true
     }
 
     fn measure(&self) -> Measurement {
@@ -82,7 +86,7 @@ mod tests {
         arm.apply(&JointVector::zeros());
         (0..100).for_each(|_| arm.advance());
         assert!(arm.measure().object.p_WO.z < height - 0.02);
-        arm.reset();
+        arm.begin_reset();
         assert_eq!(arm.measure().q, WAM7_START_POSTURE);
     }
 }

@@ -3,7 +3,8 @@
 //! Two layers that know nothing of each other's types: [`arm`] is the mathematics of a serial
 //! revolute arm (URDF to immutable model, kinematics, inverse dynamics), free of heap allocation
 //! and of any simulator; [`rapier`] is the simulated world. [`pancake`] puts both together into a
-//! [`plant::Plant`], which is all a controller sees, and [`outcome`] says what happened.
+//! [`plant::Plant`], which is all a controller sees, and says what happened to the pancake;
+//! a [`referee::Referee`] says when a rollout is over.
 //!
 //! ```no_run
 //! use physics::arm::{ArmModel, JointVector, dynamics};
@@ -34,8 +35,8 @@ pub mod arm;
 pub mod ideal;
 pub mod landscape;
 pub mod niching;
-pub mod outcome;
 pub mod pancake;
 pub mod plant;
 pub mod rapier;
+pub mod referee;
 pub mod skittles;

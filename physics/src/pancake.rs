@@ -5,6 +5,7 @@
 
 mod bodies;
 mod check;
+pub mod outcome;
 mod plant;
 
 use nalgebra::{Isometry3, Matrix3, Vector3};

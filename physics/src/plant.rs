@@ -33,21 +33,58 @@ pub struct Measurement {
     pub t_ns: u64,
 }
 
+impl Measurement {
+    /// Of a world that is nothing but its object.
+    pub fn of_object(object: ObjectState) -> Measurement {
+        let still = JointVector::zeros();
+        Measurement { q: still, qd: still, object, sample: 0, t_ns: 0 }
+    }
+}
+
 /// A torque-controlled arm and its surroundings, simulated or real.
 ///
 /// The torque given by [`apply`](Plant::apply) acts until it is replaced.
 pub trait Plant: Send {
     /// A simulation: its time passes in [`advance`](Plant::advance) alone, and
-    /// [`reset`](Plant::reset) makes another world. A real arm's time passes by itself, a reset
+    /// [`begin_reset`](Plant::begin_reset) makes another world. A real arm's time passes by itself, a reset
     /// leaves it where it is, and nothing may be tried out on it.
     fn is_simulated(&self) -> bool;
-    /// Puts the world back to its start: a simulator builds a fresh one, in which the arm rests at
-    /// its start posture as if held there.
-    fn reset(&mut self);
+    /// Begins to put the world back to its start: a simulator builds a fresh one, in which the arm
+    /// rests at its start posture as if held there. Elsewhere it takes its time, in which the arm is
+    /// held: a person puts the object back.
+    fn begin_reset(&mut self);
+    /// The world is at its start.
+    fn is_ready(&self) -> bool;
     /// The state at the end of the last period.
     fn measure(&self) -> Measurement;
     /// Commands joint torques, N·m. Precondition: finite, within the arm's limits.
     fn apply(&mut self, tau: &JointVector);
     /// Lets one period pass.
     fn advance(&mut self);
+}
+
+impl<P: Plant + ?Sized> Plant for Box<P> {
+    fn is_simulated(&self) -> bool {
+        (**self).is_simulated()
+    }
+
+    fn begin_reset(&mut self) {
+        (**self).begin_reset();
+    }
+
+    fn is_ready(&self) -> bool {
+        (**self).is_ready()
+    }
+
+    fn measure(&self) -> Measurement {
+        (**self).measure()
+    }
+
+    fn apply(&mut self, tau: &JointVector) {
+        (**self).apply(tau);
+    }
+
+    fn advance(&mut self) {
+        (**self).advance();
+    }
 }

@@ -197,7 +197,7 @@ fn fresh_worlds_are_bit_identical() {
     let (mut one, mut other) = (new(), new());
     let first = flick(&model, &mut one, 1000);
     assert!(first == flick(&model, &mut other, 1000), "two fresh worlds differ");
-    one.reset();
+    one.begin_reset();
     assert!(first == flick(&model, &mut one, 1000), "a reset world differs from a fresh one");
     // The motion must be worth comparing: the pancake has left its place.
     let p_WP = kinematics::tip_pose(&model, &WAM7_START_POSTURE).translation.vector;

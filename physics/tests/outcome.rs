@@ -6,7 +6,7 @@
 use std::f64::consts::PI;
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
-use physics::outcome::{Outcome, OutcomeConfig, OutcomeTracker};
+use physics::pancake::outcome::{Outcome, OutcomeConfig, OutcomeTracker};
 use physics::plant::ObjectState;
 
 const DT_S: f64 = 1e-3;

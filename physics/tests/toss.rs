@@ -9,7 +9,7 @@ use common::{quintic, wam_with_pan};
 use nalgebra::{UnitQuaternion, Vector3};
 use physics::arm::inverse_kinematics;
 use physics::arm::{ArmModel, JointVector, dynamics, kinematics};
-use physics::outcome::{OutcomeConfig, OutcomeTracker};
+use physics::pancake::outcome::{OutcomeConfig, OutcomeTracker};
 use physics::pancake::{PancakeConfig, PancakePlant, WAM7_START_POSTURE};
 use physics::plant::Plant;
 

@@ -5,8 +5,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use physics::arm::{ArmModel, JointVector};
-use physics::outcome::OutcomeConfig;
 use physics::plant::Plant;
+use physics::referee::Referee;
 use shm_types::cell::{Cell, CellError};
 use shm_types::channel::ChannelError;
 use shm_types::episode::TickRecord;
@@ -72,7 +72,7 @@ pub struct Controlled<'a, P: Plant> {
     pub plant: &'a mut P,
     /// Start posture, rad.
     pub q0: JointVector,
-    pub outcome: OutcomeConfig,
+    pub referee: Referee,
 }
 
 /// Runs until `stop` is set, by a signal or by a stop command. Holds the cell's controller lock.
@@ -86,9 +86,9 @@ pub fn run<P: Plant>(
     stop: &AtomicBool,
 ) -> Result<RunSummary, RunError> {
     config.validate()?;
-    let Controlled { model, plant, q0, outcome } = controlled;
+    let Controlled { model, plant, q0, referee } = controlled;
     if pace == Pace::Realtime {
-        check_period(Controller::new(model, &q0, config, &outcome), plant, config.period_us)?;
+        check_period(Controller::new(model, &q0, config, &referee), plant, config.period_us)?;
     }
     let admit = |message: &PolicyMsg| {
         let policy = admit(message, model, config)?;
@@ -117,7 +117,7 @@ pub fn run<P: Plant>(
         state,
     };
     serve(cell, setup, stop, |ends| {
-        let controller = Controller::new(model, &q0, config, &outcome);
+        let controller = Controller::new(model, &q0, config, &referee);
         let rt_loop = RtLoop::new(controller, plant, ends, &latch, config);
         match pace {
             Pace::Realtime => {
@@ -158,7 +158,7 @@ fn check_period<P: Plant>(
     let mut costs: Vec<Duration> = (0..TRIAL_TICKS).map(|_| cost()).collect();
     costs.sort_unstable();
     if is_simulated {
-        plant.reset();
+        plant.begin_reset();
     }
     let needed_us = costs[TRIAL_TICKS / 2].as_secs_f64() * 1e6;
     let enough_us = needed_us / PERIOD_SHARE;

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use rtrb::{Consumer, Producer, RingBuffer};
 use shm_types::cell::{Cell, Role};
 use shm_types::channel::{EPISODE_LOANS, EpisodeLoan};
-use shm_types::episode::OutcomeMsg;
+use shm_types::measures::Measures;
 use shm_types::ports::ControllerPorts;
 use shm_types::service_manager::{Notice, notify};
 use shm_types::telemetry::TelemetryTick;
@@ -52,7 +52,8 @@ pub(crate) struct Done {
     pub episode: EpisodeLoan,
     pub recording: Recording,
     pub fault: Fault,
-    pub outcome: OutcomeMsg,
+    /// What only the plant could measure.
+    pub measures: Measures,
 }
 
 /// The executing thread's ends of the rings.

@@ -3,12 +3,11 @@
 //! It ticks as the rt thread does, so that its numbers are those of a session, bit for bit.
 
 use physics::plant::Plant;
-use shm_types::episode::{OutcomeMsg, TickRecord};
+use shm_types::episode::TickRecord;
 use shm_types::policy::PolicyMsg;
 
 use crate::admit::admission::{AdmissionError, admit};
 use crate::config::ControllerConfig;
-use crate::executor::outcome_message::outcome_message;
 use crate::executor::recording::Recording;
 use crate::hot::rollout::Phase;
 use crate::hot::tick::Controller;
@@ -17,7 +16,6 @@ use crate::run::Controlled;
 /// An executed rollout.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Simulated {
-    pub outcome: OutcomeMsg,
     /// First fault, or 0.
     pub fault: u64,
     /// Records written, from the start of the slice.
@@ -25,7 +23,7 @@ pub struct Simulated {
 }
 
 /// Runs `policy` from a fresh world to its end, if it is admitted. As many of its ticks as fit are
-/// written to `records`; an empty slice takes none.
+/// written to `records`.
 pub fn simulate<P: Plant>(
     controlled: &mut Controlled<P>,
     config: &ControllerConfig,
@@ -34,9 +32,9 @@ pub fn simulate<P: Plant>(
 ) -> Result<Simulated, AdmissionError> {
     let policy = admit(policy, controlled.model, config)?;
     let mut controller =
-        Controller::new(controlled.model, &controlled.q0, config, &controlled.outcome);
+        Controller::new(controlled.model, &controlled.q0, config, &controlled.referee);
     let (mut recording, mut scratch) = (Recording::new(config.record_stride()), TickRecord::ZERO);
-    controlled.plant.reset();
+    controlled.plant.begin_reset();
     controller.start(&policy);
     while controller.phase() != Phase::Idle {
         let measured = controlled.plant.measure();
@@ -45,9 +43,5 @@ pub fn simulate<P: Plant>(
         controlled.plant.apply(&tau);
         controlled.plant.advance();
     }
-    Ok(Simulated {
-        outcome: outcome_message(&controller),
-        fault: controller.fault() as u64,
-        n_records: recording.n_records,
-    })
+    Ok(Simulated { fault: controller.fault() as u64, n_records: recording.n_records })
 }

@@ -79,8 +79,12 @@ impl Plant for Spy<'_> {
         true
     }
 
-    fn reset(&mut self) {
-        self.arm.reset();
+    fn begin_reset(&mut self) {
+        self.arm.begin_reset();
+    }
+
+    fn is_ready(&self) -> bool {
+        true
     }
 
     fn measure(&self) -> Measurement {

@@ -1,9 +1,9 @@
 //! The loop drives arms other than the WAM: three joints in a plane hold a pan.
 
 use physics::arm::{ArmModel, JointVector, kinematics};
-use physics::outcome::OutcomeConfig;
 use physics::pancake::{PancakeConfig, PancakePlant};
 use physics::plant::Plant;
+use physics::referee::Referee;
 use rt_controller::ControllerConfig;
 use rt_controller::admit::admission::admit;
 use rt_controller::hot::rollout::Phase;
@@ -63,7 +63,7 @@ fn three_joint_arm_follows_a_position_policy() {
     let policy = admit(&message.sealed(), &model, &config).unwrap();
 
     let mut plant = PancakePlant::new(&model, &q0, &PancakeConfig::default());
-    let mut controller = Controller::new(&model, &q0, &config, &OutcomeConfig::default());
+    let mut controller = Controller::new(&model, &q0, &config, &Referee::Clock);
     controller.start(&policy);
     let mut last = TickRecord::ZERO;
     while controller.phase() != Phase::Idle {

@@ -7,8 +7,7 @@ use std::time::Duration;
 
 use common::faulty::{Faulty, Switch, Wrong};
 use common::service::Service;
-use common::{message, wam};
-use physics::outcome::OutcomeConfig;
+use common::{message, referee, wam};
 use physics::pancake::WAM7_START_POSTURE;
 use rt_controller::fault::Fault;
 use rt_controller::run::{Controlled, RunError};
@@ -75,8 +74,8 @@ fn a_period_that_cannot_be_held_is_refused_with_one_that_can() {
     let (model, config, switch) = (wam(), config(), Switch::new());
     switch.set(Wrong::Late);
     let plant = &mut Faulty::new(&model, &config, &switch);
-    let (q0, outcome) = (WAM7_START_POSTURE, OutcomeConfig::default());
-    let controlled = Controlled { model: &model, plant, q0, outcome };
+    let (q0, referee) = (WAM7_START_POSTURE, referee());
+    let controlled = Controlled { model: &model, plant, q0, referee };
     let stop = AtomicBool::new(false);
     let refused = rt_controller::run(&cell, &config, Pace::Realtime, controlled, None, &stop);
     let refused = refused.unwrap_err();

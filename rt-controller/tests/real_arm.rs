@@ -4,10 +4,9 @@
 mod common;
 
 use common::faulty::{Faulty, Switch};
-use common::{controller, message, wam};
+use common::{controller, message, referee, wam};
 use physics::arm::{ArmModel, JointVector, dynamics, kinematics};
 use physics::ideal::IdealArm;
-use physics::outcome::OutcomeConfig;
 use physics::pancake::WAM7_START_POSTURE;
 use physics::plant::{Measurement, Plant};
 use rt_controller::ControllerConfig;
@@ -223,8 +222,7 @@ fn the_push_from_a_joint_limit_wins_against_the_stiffest_policy() {
             }
             let policy = admit(&pull.sealed(), &model, &config).unwrap();
             let mut arm = IdealArm::new(&model, &start, config.period_s(), 0.01);
-            let outcome = OutcomeConfig::default();
-            let mut controller = Controller::new(&model, &start, &config, &outcome);
+            let mut controller = Controller::new(&model, &start, &config, &referee());
             controller.start(&policy);
             let mut farthest = f64::NEG_INFINITY;
             while controller.phase() != Phase::Idle {

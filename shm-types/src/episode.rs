@@ -3,6 +3,7 @@
 use iceoryx2::prelude::ZeroCopySend;
 use thiserror::Error;
 
+use crate::measures::{Measures, MeasuresError};
 use crate::reason::{self, NO_REASON, REASON_LEN};
 use crate::{MAX_JOINTS, SCHEMA, TASK_DIM};
 
@@ -42,12 +43,6 @@ pub const MACHINE_FAULTS: [u64; 5] = [
     FAULT_HELD,
 ];
 
-/// Bits of [`OutcomeMsg::flags`].
-pub const OUTCOME_TOSSED: u64 = 1;
-pub const OUTCOME_SUCCESS: u64 = 2;
-pub const OUTCOME_DROPPED: u64 = 4;
-pub const OUTCOME_EXPLOIT: u64 = 8;
-
 message! {
     /// One tick of a rollout. Wall-clock timing is not in here: records of equal rollouts are
     /// equal bit for bit.
@@ -79,38 +74,8 @@ message! {
 }
 
 message! {
-    /// What the world measured; there is no reward in it. Quantities "at the crossing" are taken
-    /// when the pancake falls back through Δ_h above the pan (Sec. 3.1); zero when it never does.
-    pub struct OutcomeMsg as "skillet/Outcome/2" {
-        /// `OUTCOME_*`.
-        pub flags: u64,
-        /// What a world without arm measures, in its unit; 0 in the others.
-        pub value: f64,
-        pub release_time_s: f64,
-        pub release_speed_m_s: f64,
-        pub release_spin_rad_s: f64,
-        /// Highest rise of the pancake above its start (X₃ᵐᵃˣ), m.
-        pub apex_m: f64,
-        pub crossing_time_s: f64,
-        /// arccos(V₀·V) at the crossing, rad.
-        pub flip_angle_rad: f64,
-        /// ‖X − x‖ at the crossing, m, and its horizontal part.
-        pub distance_m: f64,
-        pub lateral_m: f64,
-        /// Horizontal distance to the centre of the pan at the end, m.
-        pub final_lateral_m: f64,
-        /// Pitch rate of the pancake at release, rad/s: positive turns its nose down.
-        pub release_pitch_rate_rad_s: f64,
-        /// Time without contact between the first touch after the crossing and the end, s.
-        pub bounce_s: f64,
-        /// Share of the rollout's ticks in which a torque was clipped at its limit.
-        pub clipped_share: f64,
-    }
-}
-
-message! {
     /// User header of an episode.
-    pub struct EpisodeHeader as "skillet/EpisodeHeader/3" {
+    pub struct EpisodeHeader as "skillet/EpisodeHeader/4" {
         pub schema: u64,
         /// Start of the controller that ran it; with `rollout` it names the episode.
         pub boot_id: u64,
@@ -131,16 +96,19 @@ message! {
         pub fault: u64,
         /// Why the policy was refused, where it was; see [`crate::reason`].
         pub reason: [u8; REASON_LEN],
-        pub outcome: OutcomeMsg,
+        /// What only the plant could measure; the rest follows from the records.
+        pub measures: Measures,
     }
 }
 
 message! {
     /// Learner → controller: every rollout of `session` up to this one is durable.
-    pub struct Ack as "skillet/Ack/1" {
+    pub struct Ack as "skillet/Ack/2" {
         pub schema: u64,
         pub session: u64,
         pub durable_rollout: u64,
+        /// 1: that one was a success, as it was judged. Only the learner knows.
+        pub success: u64,
     }
 }
 
@@ -155,54 +123,12 @@ pub enum EpisodeError {
         "n_records is {n_records}, but the slice holds {len}: the controller is broken or hostile; episode ignored"
     )]
     Length { n_records: u64, len: usize },
-    #[error("outcome field {field} is {value}: it must be finite; episode ignored")]
-    Outcome { field: &'static str, value: f64 },
+    #[error("{0}; episode ignored")]
+    Measures(#[from] MeasuresError),
     #[error("record {record} holds a value that is not finite; episode ignored")]
     Record { record: usize },
     #[error("the reason of a refusal is no text; episode ignored")]
     Reason,
-}
-
-impl OutcomeMsg {
-    pub const ZERO: OutcomeMsg = OutcomeMsg {
-        flags: 0,
-        value: 0.0,
-        release_time_s: 0.0,
-        release_speed_m_s: 0.0,
-        release_spin_rad_s: 0.0,
-        apex_m: 0.0,
-        crossing_time_s: 0.0,
-        flip_angle_rad: 0.0,
-        distance_m: 0.0,
-        lateral_m: 0.0,
-        final_lateral_m: 0.0,
-        release_pitch_rate_rad_s: 0.0,
-        bounce_s: 0.0,
-        clipped_share: 0.0,
-    };
-
-    pub fn has(&self, flag: u64) -> bool {
-        self.flags & flag != 0
-    }
-
-    /// Every measured quantity with its name, for checks and for people.
-    pub fn fields(&self) -> [(&'static str, f64); 13] {
-        [
-            ("value", self.value),
-            ("release_time_s", self.release_time_s),
-            ("release_speed_m_s", self.release_speed_m_s),
-            ("release_spin_rad_s", self.release_spin_rad_s),
-            ("apex_m", self.apex_m),
-            ("crossing_time_s", self.crossing_time_s),
-            ("flip_angle_rad", self.flip_angle_rad),
-            ("distance_m", self.distance_m),
-            ("lateral_m", self.lateral_m),
-            ("final_lateral_m", self.final_lateral_m),
-            ("release_pitch_rate_rad_s", self.release_pitch_rate_rad_s),
-            ("bounce_s", self.bounce_s),
-            ("clipped_share", self.clipped_share),
-        ]
-    }
 }
 
 impl TickRecord {
@@ -252,7 +178,7 @@ impl Default for EpisodeHeader {
             n_records: 0,
             fault: 0,
             reason: NO_REASON,
-            outcome: OutcomeMsg::ZERO,
+            measures: Measures::NONE,
         }
     }
 }
@@ -273,11 +199,7 @@ impl EpisodeHeader {
             .ok()
             .and_then(|n| records.get(..n))
             .ok_or(EpisodeError::Length { n_records: self.n_records, len: records.len() })?;
-        for (field, value) in self.outcome.fields() {
-            if !value.is_finite() {
-                return Err(EpisodeError::Outcome { field, value });
-            }
-        }
+        self.measures.validate()?;
         match used.iter().position(|record| !record.is_finite()) {
             Some(record) => Err(EpisodeError::Record { record }),
             None => Ok(used),
@@ -300,11 +222,9 @@ mod tests {
         let foreign = EpisodeHeader { schema: 7, ..header };
         assert_eq!(foreign.validate(&records), Err(EpisodeError::Schema { found: 7 }));
         let mut unmeasured = header;
-        unmeasured.outcome.apex_m = f64::NAN;
-        assert!(matches!(
-            unmeasured.validate(&records),
-            Err(EpisodeError::Outcome { field: "apex_m", .. })
-        ));
+        unmeasured.measures.n = 1;
+        let error = EpisodeError::Measures(MeasuresError::Name(String::new()));
+        assert_eq!(unmeasured.validate(&records), Err(error));
         let mut muttered = header;
         muttered.reason[7] = b'x';
         assert_eq!(muttered.validate(&records), Err(EpisodeError::Reason));

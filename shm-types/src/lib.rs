@@ -16,6 +16,7 @@ pub mod echo;
 pub mod episode;
 mod generation;
 mod janitor;
+pub mod measures;
 pub mod news;
 mod observer;
 pub mod policy;
@@ -35,6 +36,6 @@ pub const TASK_DIM: usize = 6;
 /// Attractors of the largest policy a message can carry.
 pub const MAX_COMPONENTS: usize = 16;
 /// Entries of the largest action vector of a task without arm.
-pub const MAX_ACTIONS: usize = 8;
+pub const MAX_ACTIONS: usize = 16;
 /// Entries of a packed lower triangle of a 6×6 matrix.
 pub const PACKED: usize = TASK_DIM * (TASK_DIM + 1) / 2;

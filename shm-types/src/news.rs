@@ -4,6 +4,7 @@ use iceoryx2::prelude::ZeroCopySend;
 use thiserror::Error;
 
 use crate::SCHEMA;
+use crate::measures::{Measures, MeasuresError};
 
 /// Trials that an observer gets when it comes.
 pub const TRIAL_HISTORY: usize = 128;
@@ -33,7 +34,7 @@ message! {
 
 message! {
     /// A trial that is durable.
-    pub struct TrialNews as "skillet/TrialNews/1" {
+    pub struct TrialNews as "skillet/TrialNews/2" {
         pub schema: u64,
         pub session: u64,
         pub rollout: u64,
@@ -45,6 +46,7 @@ message! {
         /// `TRIAL_*`.
         pub flags: u64,
         pub reward: f64,
+        pub measures: Measures,
         /// Modes in use; they are told now and then, not with every trial.
         pub n_modes: u64,
         pub modes: [ModeNews; MAX_MODES],
@@ -60,6 +62,8 @@ pub enum NewsError {
     Modes(u64),
     #[error("{field} of rollout {rollout} is not finite")]
     NotFinite { field: &'static str, rollout: u64 },
+    #[error("rollout {rollout}: {error}")]
+    Measures { rollout: u64, error: MeasuresError },
 }
 
 impl ModeNews {
@@ -96,6 +100,7 @@ impl TrialNews {
         if !self.reward.is_finite() {
             return Err(NewsError::NotFinite { field: "reward", rollout });
         }
+        self.measures.validate().map_err(|error| NewsError::Measures { rollout, error })?;
         let modes = usize::try_from(self.n_modes).ok().and_then(|n| self.modes.get(..n));
         let modes = modes.ok_or(NewsError::Modes(self.n_modes))?;
         if modes.iter().all(ModeNews::is_finite) {
@@ -121,6 +126,7 @@ mod tests {
             fault: 0,
             flags: TRIAL_SUCCESS,
             reward: 0.5,
+            measures: Measures::NONE,
             n_modes: 1,
             modes: [ModeNews::ZERO; MAX_MODES],
         };

@@ -11,6 +11,8 @@ pub const ACTIVATION_TIME: u32 = 0;
 /// `activation` when hᵢ is driven by s = exp(−decay_rate·t), the canonical system of Eq. (3).
 pub const ACTIVATION_DECAY: u32 = 1;
 
+/// Entries of an action that are always part of the digest.
+const DIGESTED_ACTIONS: usize = 8;
 /// Largest entry of an action, in the units of its world.
 const ACTION_MAX: f64 = 1e6;
 
@@ -32,7 +34,7 @@ message! {
 message! {
     /// A policy and the rollout it is meant for. `digest` guards the physical parameters and is
     /// echoed by the episode, so that a reward never reaches a θ it does not belong to.
-    pub struct PolicyMsg as "skillet/Policy/1" {
+    pub struct PolicyMsg as "skillet/Policy/2" {
         pub schema: u64,
         pub digest: u64,
         /// Session that asks; an episode carries it back.
@@ -195,8 +197,9 @@ impl PolicyMsg {
             .f64(self.orientation_stiffness)
             .f64(self.orientation_damping)
             .u64(u64::from(self.n_actions));
-        for value in self.action {
-            digest = digest.f64(value);
+        // Those beyond count where they are used: digests of before there were so many stay right.
+        for value in &self.action[..self.actions().len().max(DIGESTED_ACTIONS)] {
+            digest = digest.f64(*value);
         }
         for component in &self.components {
             digest = digest.f64(component.center).f64(component.width);

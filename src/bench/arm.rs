@@ -3,9 +3,9 @@
 use anyhow::Result;
 use nalgebra::Vector6;
 use physics::arm::{ArmModel, JointVector, TipKinematics};
-use physics::outcome::OutcomeConfig;
 use physics::pancake::{PancakeConfig, PancakePlant};
 use physics::plant::Plant;
+use physics::referee::{Referee, Toss, TossConfig};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -120,14 +120,19 @@ impl<'a> Loop<'a> {
     pub fn new(arm: &'a Arm, policy: Policy, sub_steps: usize) -> Loop<'a> {
         let (model, config) = (&arm.model, &arm.config.controller);
         let plant = PancakePlant::new(model, &arm.q0, &arm.world(sub_steps));
-        let controller = Controller::new(model, &arm.q0, config, &OutcomeConfig::default());
+        let controller = Controller::new(
+            model,
+            &arm.q0,
+            config,
+            &Referee::Toss(Toss::new(&TossConfig::default())),
+        );
         Loop { controller, plant, policy, record: TickRecord::ZERO }
     }
 
     /// Starts the next rollout when the last one has ended.
     pub fn begin_if_idle(&mut self) {
         if self.controller.phase() == Phase::Idle {
-            self.plant.reset();
+            self.plant.begin_reset();
             self.controller.enter_fresh_world();
             self.controller.start(&self.policy);
         }

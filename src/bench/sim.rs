@@ -6,9 +6,9 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
 use learner::problem::Problem;
-use physics::outcome::OutcomeConfig;
 use physics::pancake::PancakePlant;
 use physics::plant::Plant;
+use physics::referee::{Referee, Toss, TossConfig};
 use rt_controller::run::Controlled;
 use rt_controller::simulate::simulate;
 use shm_types::policy::PolicyMsg;
@@ -118,8 +118,9 @@ fn rollouts_per_second(
     let barrier = Barrier::new(threads);
     let rate = || -> Result<f64> {
         let mut plant = PancakePlant::new(&arm.model, &arm.q0, &arm.world(sub_steps));
-        let (model, q0, outcome) = (&arm.model, arm.q0, OutcomeConfig::default());
-        let mut controlled = Controlled { model, plant: &mut plant, q0, outcome };
+        let referee = Referee::Toss(Toss::new(&TossConfig::default()));
+        let (model, q0) = (&arm.model, arm.q0);
+        let mut controlled = Controlled { model, plant: &mut plant, q0, referee };
         barrier.wait();
         let start = Instant::now();
         let mut n = 0;

@@ -4,9 +4,6 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use anyhow::Result;
-use physics::action::Landscape;
-use physics::outcome::OutcomeConfig;
-use physics::pancake::PancakePlant;
 use rt_controller::disk::timing_file::TimingFile;
 use rt_controller::rt::{leave_core, loop_core};
 use rt_controller::run::Controlled;
@@ -19,6 +16,7 @@ use crate::cli::{ControllerArgs, PaceArg};
 use crate::config::Config;
 use crate::metrics::Endpoint;
 use crate::signals::{Who, stop_flag};
+use crate::tasks::{ArmWorld, World};
 use crate::{holding, log, reload, setup};
 
 pub fn run(args: &ControllerArgs) -> Result<Verdict> {
@@ -40,10 +38,11 @@ pub fn run(args: &ControllerArgs) -> Result<Verdict> {
     // The cell of a single `learn` is gone with it.
     let state = (!args.private).then(|| state_dir(&config, &cell));
     let state = state.as_deref();
-    let summary = match config.task.name.as_str() {
-        "landscape" => rt_controller::run_action(&cell, &Landscape, state, &stop)?,
-        "skittles" => rt_controller::run_action(&cell, &config.task.skittles(), state, &stop)?,
-        _ => run_arm(&cell, &config, core, args.pace.into(), state, &stop)?,
+    let summary = match config.task()?.world {
+        World::Arm(world) => run_arm(&cell, &config, world, core, args.pace.into(), state, &stop)?,
+        World::Action(world) => {
+            rt_controller::run_action(&cell, world(&config).as_ref(), state, &stop)?
+        }
     };
     if let Some(path) = args.timing.as_deref().filter(|_| summary.ticks > 0)
         && let Err(error) = TimingFile::add(path, summary.timing)
@@ -64,19 +63,16 @@ pub fn run(args: &ControllerArgs) -> Result<Verdict> {
 fn run_arm(
     cell: &Cell,
     config: &Config,
+    world: fn(&Config) -> Result<ArmWorld>,
     core: usize,
     pace: Pace,
     state: Option<&Path>,
     stop: &AtomicBool,
 ) -> Result<RunSummary> {
-    let model = setup::arm(config)?;
+    let ArmWorld { model, q0, mut plant, referee, .. } = world(config)?;
     holding::check_start(config, &model)?;
     setup::arm_notes(config)?.iter().for_each(|note| tracing::warn!("{note}"));
-    let q0 = config.plant.start_posture();
-    let world = config.plant.world(config.controller.period_s());
-    let mut plant = PancakePlant::new(&model, &q0, &world);
-    let outcome = OutcomeConfig { pan_radius: world.pan_radius, ..OutcomeConfig::default() };
-    let controlled = Controlled { model: &model, plant: &mut plant, q0, outcome };
+    let controlled = Controlled { model: &model, plant: &mut plant, q0, referee };
     let controller = ControllerConfig { cpu: Some(core), ..config.controller.clone() };
     Ok(rt_controller::run(cell, &controller, pace, controlled, state, stop)?)
 }

@@ -17,7 +17,7 @@ use shm_types::ports::ToolPorts;
 
 use crate::Verdict;
 use crate::children::Service;
-use crate::cli::{LearnArgs, Task};
+use crate::cli::LearnArgs;
 use crate::config::Config;
 use crate::output::{print, print_json};
 use crate::progress::{Progress, TrialLine};
@@ -63,7 +63,7 @@ pub fn run(args: &LearnArgs) -> Result<Verdict> {
 fn prepare(args: &LearnArgs) -> Result<(SessionFolder, Config)> {
     let folder = match &args.out {
         Some(dir) => SessionFolder::at(dir),
-        None => SessionFolder::next_free(args.task.name()),
+        None => SessionFolder::next_free(&args.task),
     };
     let stored = folder.config_path();
     let source = match (&args.config, folder.has_session()) {
@@ -73,22 +73,22 @@ fn prepare(args: &LearnArgs) -> Result<(SessionFolder, Config)> {
     };
     let mut config = match source {
         Some(path) => Config::load(Some(path))?,
-        None => Config::of_task(args.task.name()),
+        None => Config::of_task(&args.task),
     };
-    if config.task.name != args.task.name() {
+    if config.task.name != args.task {
         bail!(
             "{}: this session belongs to the task '{}', not '{}': choose another folder with --out",
             folder.dir().display(),
             config.task.name,
-            args.task.name()
+            args.task
         );
     }
     config.learner.seed = args.seed.unwrap_or(config.learner.seed);
     config.learner.rollouts = args.rollouts.unwrap_or(config.learner.rollouts);
     config.learner.prefer = args.prefer.map_or(config.learner.prefer, Into::into);
     if let Some(target) = args.target {
-        if args.task != Task::Skittles {
-            bail!("--target belongs to the task skittles; leave it out");
+        if !config.task()?.has_target {
+            bail!("the task {} has no target to choose; leave --target out", args.task);
         }
         config.task.target_m = target;
     }
@@ -103,7 +103,7 @@ fn prepare(args: &LearnArgs) -> Result<(SessionFolder, Config)> {
         let session = || format!("session {}", folder.dir().display());
         let _lock = folder.lock()?;
         let store = Store::resume(&folder.database()).with_context(session)?;
-        store.expect_task(args.task.name()).with_context(session)?;
+        store.expect_task(&args.task).with_context(session)?;
         config.learner.check_resumes(&store.meta().learner).with_context(session)?;
     }
     folder.write(&config)?;
@@ -145,8 +145,8 @@ fn run_services(
     ]
     .concat();
 
-    let progress =
-        Progress::new(config.learner.rollouts, stored_trials(&folder.database()), config.has_arm());
+    let (rollouts, done) = (config.learner.rollouts, stored_trials(&folder.database()));
+    let progress = Progress::new(rollouts, done, config.success()?.is_some());
     let mut controller =
         Service::start("controller", &controller_args, folder.log("controller"), Stdio::null())?;
     let mut learner =
@@ -242,6 +242,7 @@ fn summary(folder: &SessionFolder, config: &Config, run: &Run, wall: Duration) -
     Ok(Summary {
         modes: commands::modes::summary(&store, config.learner.prefer)?,
         task: config.task.name.clone(),
+        success: config.success()?,
         seed: config.learner.seed,
         result,
         folder: folder.clone(),

@@ -27,7 +27,7 @@ use crate::resume::resume;
 use crate::session_folder::SessionFolder;
 use crate::signals::{Who, stop_flag};
 use crate::stderr::{self, Sink};
-use crate::{log, record, reload, setup};
+use crate::{judging, log, record, reload, setup};
 
 /// A further recording begins when one has grown so large.
 const RECORDING_BYTES: u64 = 512_000_000;
@@ -154,9 +154,10 @@ fn open(folder: &SessionFolder, config: &Config) -> Result<Learner> {
         // Only a name: it decides nothing, so it may differ between equal sessions.
         session_id: RandomState::new().build_hasher().finish(),
         config_toml: config.to_toml()?,
+        measures: Vec::new(), // the judge's
         learner: config.learner.clone(),
     };
-    Learner::create(folder.dir(), meta, &demonstrations)
+    Learner::create(folder.dir(), meta, &demonstrations, judging::judge(config)?)
         .with_context(|| format!("session {}", folder.dir().display()))
 }
 

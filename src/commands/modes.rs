@@ -5,9 +5,9 @@ use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 use learner::modes::{ModeReport, Prefer, choose, forbidden_by};
-use search::Mode;
 use learner::store::Store;
 use nalgebra::DVector;
+use search::Mode;
 use serde_json::json;
 use shm_types::policy::PolicyMsg;
 

@@ -3,9 +3,11 @@
 use std::path::Path;
 
 use anyhow::{Context, Result};
+use learner::judge::Declared;
 use learner::store::{Store, TrialRecord};
 use serde_json::json;
 use shm_types::command::{COMMAND_ALLOW, COMMAND_FORBID, COMMAND_PIN, COMMAND_UNPIN, LAST_GOOD};
+use shm_types::measures::TRUTH;
 use shm_types::policy::{ACTIVATION_DECAY, PolicyMsg};
 use shm_types::policy_json;
 
@@ -91,57 +93,51 @@ fn list(store: &Store, best: Option<usize>, as_json: bool) -> Result<Verdict> {
         print_json(&rows)?;
         return Ok(Verdict::Done);
     }
-    let has_arm = !store.meta().learner.action.is_used();
-    print(&if has_arm { table(&trials) } else { action_table(&trials) })?;
+    let is_action = store.meta().learner.action.is_used();
+    print(&table(&trials, &store.meta().measures, is_action))?;
     Ok(Verdict::Done)
 }
 
-fn table(trials: &[TrialRecord]) -> String {
-    let mut text =
-        "policy  rollout  reward  caught  apex m  angle rad  lateral m  applied at tick\n"
-            .to_string();
-    for trial in trials {
-        let outcome = &trial.outcome;
-        text += &format!(
-            "{:6}  {:7}  {:6.3}  {:6}  {:6.3}  {:9.3}  {:9.3}  {}\n",
-            trial.policy_id,
-            trial.rollout,
-            trial.reward,
-            if trial.success() { "yes" } else { "no" },
-            outcome.apex_m,
-            outcome.flip_angle_rad,
-            outcome.lateral_m,
-            trial.applied_tick
-        );
-    }
-    text
-}
+/// Measures that a line has room for.
+const SHOWN: usize = 6;
 
-fn action_table(trials: &[TrialRecord]) -> String {
-    let mut text = "policy  rollout    reward  measured  action\n".to_string();
+/// One line a trial, of its measures the first ones.
+fn table(trials: &[TrialRecord], measures: &Declared, is_action: bool) -> String {
+    let shown = &measures[..measures.len().min(SHOWN)];
+    let mut text = "policy  rollout    reward  success".to_string();
+    for (name, _) in shown {
+        text += &format!("  {name:>9}");
+    }
+    text += if is_action { "  action\n" } else { "  applied at tick\n" };
     for trial in trials {
+        let success = if trial.success { "yes" } else { "no" };
+        let (id, rollout, reward) = (trial.policy_id, trial.rollout, trial.reward);
+        text += &format!("{id:6}  {rollout:7}  {reward:8.5}  {success:7}");
+        for (name, unit) in shown {
+            let value = match trial.measures.get(name) {
+                Some(value) if unit == TRUTH => if value != 0.0 { "yes" } else { "no" }.into(),
+                Some(value) => format!("{value:.3}"),
+                None => "–".into(),
+            };
+            text += &format!("  {value:>0$}", name.chars().count().max(9));
+        }
         let action: Vec<String> = trial.theta.iter().map(|x| format!("{x:.4}")).collect();
-        text += &format!(
-            "{:6}  {:7}  {:8.5}  {:8.5}  {}\n",
-            trial.policy_id,
-            trial.rollout,
-            trial.reward,
-            trial.outcome.value,
-            action.join(" ")
-        );
+        let last = if is_action { action.join(" ") } else { trial.applied_tick.to_string() };
+        text += &format!("  {last}\n");
     }
     text
 }
 
 fn row(trial: &TrialRecord) -> serde_json::Value {
+    let measures = trial.measures.iter().map(|measure| (measure.name, measure.value));
     json!({
         "policy_id": trial.policy_id,
         "rollout": trial.rollout,
         "reward": trial.reward,
-        "success": trial.success(),
+        "success": trial.success,
         "applied_tick": trial.applied_tick,
         "fault": trial.fault,
-        "outcome": trial.outcome.fields().into_iter().collect::<std::collections::BTreeMap<_, _>>(),
+        "measures": measures.collect::<std::collections::BTreeMap<_, _>>(),
     })
 }
 

@@ -4,13 +4,13 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use learner::store::{Store, TrialRecord};
-use physics::action::{ActionWorld, Landscape};
-use physics::outcome::OutcomeConfig;
-use physics::pancake::PancakePlant;
+use physics::action::ActionWorld;
+use rt_controller::executor::action;
 use rt_controller::run::Controlled;
 use rt_controller::simulate::simulate;
 use serde_json::json;
-use shm_types::episode::{EpisodeHeader, MAX_RECORDS, OutcomeMsg, TickRecord};
+use shm_types::episode::{EpisodeHeader, MAX_RECORDS, TickRecord};
+use shm_types::measures::Measures;
 use shm_types::policy::PolicyMsg;
 
 use super::report::{best, open};
@@ -22,7 +22,8 @@ use crate::output::{print, print_json};
 use crate::record::recorder::Limits;
 use crate::record::session::SessionRecorder;
 use crate::session_folder::SessionFolder;
-use crate::{record, setup};
+use crate::tasks::{ArmWorld, World};
+use crate::{judging, record};
 
 pub fn run(args: &ReplayArgs) -> Result<Verdict> {
     let folder = SessionFolder::open(&args.session)?;
@@ -80,7 +81,9 @@ fn all(store: &Store, config: &Config, trials: &[TrialRecord], as_json: bool) ->
 /// A trial that was executed again.
 struct Replayed {
     policy: PolicyMsg,
-    outcome: OutcomeMsg,
+    measures: Measures,
+    success: bool,
+    reward: f64,
     fault: u64,
     records: Vec<TickRecord>,
     period_ns: u64,
@@ -88,9 +91,13 @@ struct Replayed {
 
 impl Replayed {
     fn is_same(&self, trial: &TrialRecord) -> bool {
-        let bits = |outcome: &OutcomeMsg| outcome.fields().map(|(_, value)| value.to_bits());
-        bits(&self.outcome) == bits(&trial.outcome)
-            && self.outcome.flags == trial.outcome.flags
+        let bits = |measures: &Measures| -> Vec<u64> {
+            measures.iter().map(|measure| measure.value.to_bits()).collect()
+        };
+        self.measures.declared() == trial.measures.declared()
+            && bits(&self.measures) == bits(&trial.measures)
+            && self.success == trial.success
+            && self.reward.to_bits() == trial.reward.to_bits()
             && self.fault == trial.fault
             && self.records.len() as u64 == trial.n_records
     }
@@ -100,40 +107,35 @@ fn replay(store: &Store, config: &Config, trial: &TrialRecord) -> Result<Replaye
     let policy = store.policy(trial.policy_id)?.with_context(|| {
         format!("the store lacks policy {} of trial {}", trial.policy_id, trial.rollout)
     })?;
-    match config.task.name.as_str() {
-        "landscape" => act(&Landscape, policy),
-        "skittles" => act(&config.task.skittles(), policy),
-        _ => flip(config, policy),
-    }
+    let (header, records) = match config.task()?.world {
+        World::Arm(world) => flip(config, world(config)?, &policy)?,
+        World::Action(world) => act(world(config).as_ref(), &policy)?,
+    };
+    let (measures, success, reward) = judging::judge(config)?.judge(&header, &records)?;
+    let (fault, period_ns) = (header.fault, header.period_ns);
+    Ok(Replayed { policy, measures, success, reward, fault, records, period_ns })
 }
 
-fn flip(config: &Config, policy: PolicyMsg) -> Result<Replayed> {
-    let model = setup::arm(config)?;
-    let q0 = config.plant.start_posture();
-    let world = config.plant.world(config.controller.period_s());
-    let mut plant = PancakePlant::new(&model, &q0, &world);
-    let outcome = OutcomeConfig { pan_radius: world.pan_radius, ..OutcomeConfig::default() };
-    let mut controlled = Controlled { model: &model, plant: &mut plant, q0, outcome };
+fn flip(
+    config: &Config,
+    world: ArmWorld,
+    policy: &PolicyMsg,
+) -> Result<(EpisodeHeader, Vec<TickRecord>)> {
+    let ArmWorld { model, q0, mut plant, referee, .. } = world;
+    let mut controlled = Controlled { model: &model, plant: &mut plant, q0, referee };
     let mut records = vec![TickRecord::ZERO; MAX_RECORDS];
-    let done = simulate(&mut controlled, &config.controller, &policy, &mut records)?;
+    let done = simulate(&mut controlled, &config.controller, policy, &mut records)?;
     records.truncate(done.n_records);
     let period_ns = config.controller.period_ns() * config.controller.record_stride() as u64;
-    let (outcome, fault) = (done.outcome, done.fault);
-    Ok(Replayed { policy, outcome, fault, records, period_ns })
+    Ok((EpisodeHeader { fault: done.fault, period_ns, ..EpisodeHeader::default() }, records))
 }
 
-fn act(world: &impl ActionWorld, policy: PolicyMsg) -> Result<Replayed> {
-    let Some((value, records)) = rt_controller::executor::action::replay(world, &policy) else {
+fn act(world: &dyn ActionWorld, policy: &PolicyMsg) -> Result<(EpisodeHeader, Vec<TickRecord>)> {
+    let Some((measures, records)) = action::replay(world, policy) else {
         bail!("policy {} is not admitted any more", policy.policy_id);
     };
-    let outcome = OutcomeMsg { value, ..OutcomeMsg::ZERO };
-    Ok(Replayed {
-        policy,
-        outcome,
-        fault: 0,
-        records,
-        period_ns: rt_controller::executor::action::PERIOD_NS,
-    })
+    let period_ns = action::PERIOD_NS;
+    Ok((EpisodeHeader { measures, period_ns, ..EpisodeHeader::default() }, records))
 }
 
 fn write(
@@ -150,7 +152,6 @@ fn write(
         period_ns: replayed.period_ns,
         n_records: replayed.records.len() as u64,
         fault: replayed.fault,
-        outcome: replayed.outcome,
         ..EpisodeHeader::default()
     };
     let limits = Limits { max_bytes: u64::MAX, by_rollout: false, object_always: true };

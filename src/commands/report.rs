@@ -6,20 +6,16 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use learner::store::{Store, TrialRecord};
 use learner::summary::Summary;
-use nalgebra::Vector2;
-use physics::action::ActionWorld;
-use physics::{landscape, skittles};
 use rt_controller::disk::timing_file::{LoopTiming, TimingFile};
 use serde_json::json;
-use shm_types::episode::OutcomeMsg;
+use shm_types::measures::Measures;
 
 use super::modes;
 use crate::Verdict;
 use crate::cli::ReportArgs;
 use crate::config::Config;
-use crate::draw::plot::Axis;
 use crate::output::{print, print_json};
-use crate::report::{self, Plane, ReportData, Reward, TrialRow};
+use crate::report::{self, ReportData, TrialRow};
 use crate::session_folder::SessionFolder;
 
 pub fn run(args: &ReportArgs) -> Result<Verdict> {
@@ -66,7 +62,7 @@ fn gather(folder: &SessionFolder, notes: &[(String, String)]) -> Result<ReportDa
         Some(trial) => store.policy(trial.policy_id)?.unwrap_or(initial),
         None => initial,
     };
-    let outcome_of = |rollout| trials.iter().find(|t| t.rollout == rollout).map(|t| t.outcome);
+    let measures_of = |rollout| trials.iter().find(|t| t.rollout == rollout).map(|t| t.measures);
     Ok(ReportData {
         task: store.meta().task.clone(),
         session: folder.name(),
@@ -78,19 +74,20 @@ fn gather(folder: &SessionFolder, notes: &[(String, String)]) -> Result<ReportDa
         // Rollout 1 executes the initial policy itself.
         initial_path: store.path(1)?.unwrap_or_default(),
         learnt_path: store.path(learnt_rollout)?.unwrap_or_default(),
-        learnt_outcome: outcome_of(learnt_rollout).unwrap_or(OutcomeMsg::ZERO),
+        learnt_measures: measures_of(learnt_rollout).unwrap_or(Measures::NONE),
         notes: notes.to_vec(),
         modes: modes::rows(&store, config.learner.prefer)?,
         timing: timing(&folder.timing()),
-        plane: plane(&config),
+        pictures: (config.task()?.pictures)(&config),
+        success: config.success()?.unwrap_or("success"),
         trials: trials
             .iter()
             .map(|trial| TrialRow {
                 rollout: trial.rollout,
                 theta: trial.theta.clone(),
                 reward: trial.reward,
-                success: trial.success(),
-                outcome: trial.outcome,
+                success: trial.success,
+                measures: trial.measures,
                 fault: trial.fault,
             })
             .collect(),
@@ -115,33 +112,9 @@ fn name_of(path: &Path) -> String {
     path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// What a task without an arm shows.
-fn plane(config: &Config) -> Option<Plane> {
-    let axis = |label, min, max| Axis { label, min, max };
-    let (x, y, reward, max): (_, _, Reward, _) = match config.task.name.as_str() {
-        "landscape" => {
-            let (x, y) = (axis("Θ₁", -1.0, 11.0), axis("Θ₂", -1.0, 11.0));
-            (x, y, Box::new(landscape::height), landscape::PEAK_VALUE)
-        }
-        "skittles" => {
-            let world = config.task.skittles();
-            let reward = config.learner.reward;
-            let of = move |theta: &Vector2<f64>| {
-                let value = world.measure(theta.as_slice());
-                reward.reward(&OutcomeMsg { value, ..OutcomeMsg::ZERO })
-            };
-            let (min, max) = skittles::BOX;
-            let (x, y) = (axis("α rad", min[0], max[0]), axis("α̇ rad/s", min[1], max[1]));
-            (x, y, Box::new(of), 1.0)
-        }
-        _ => return None,
-    };
-    Some(Plane { x, y, reward, max })
-}
-
-/// The rollout shown as "learnt": the best caught flip, or the best reward when there is none.
+/// The rollout shown as "learnt": the best success, or the best reward when there is none.
 pub fn best(trials: &[TrialRecord]) -> u64 {
-    let caught: Vec<TrialRecord> = trials.iter().filter(|t| t.success()).cloned().collect();
+    let caught: Vec<TrialRecord> = trials.iter().filter(|t| t.success).cloned().collect();
     let candidates = if caught.is_empty() { trials } else { &caught };
     Summary::of(candidates).best_rollout.unwrap_or(1)
 }

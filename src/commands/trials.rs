@@ -3,21 +3,25 @@
 use std::path::Path;
 
 use anyhow::Result;
-use learner::store::{Store, TrialRecord};
+use learner::judge::Declared;
+use learner::store::TrialRecord;
 use serde_json::{Map, Value, json};
-use shm_types::episode::{OUTCOME_DROPPED, OUTCOME_EXPLOIT, OUTCOME_TOSSED};
+use shm_types::measures::TRUTH;
 
 use super::report::open;
 use crate::Verdict;
 use crate::cli::trials::TrialsArgs;
 use crate::output::{print, print_json, write_new};
 use crate::session_folder::SessionFolder;
+use crate::tasks;
 
 pub fn run(args: &TrialsArgs) -> Result<Verdict> {
     let folder = SessionFolder::open(&args.session)?;
     let store = open(folder.dir(), &folder.database())?;
-    let units = Units::of(&store);
-    let rows: Vec<Row> = store.trials()?.iter().map(|trial| row(trial, &units)).collect();
+    let (measures, task) = (&store.meta().measures, tasks::find(&store.meta().task));
+    // One of another program's tasks has none that is known here.
+    let units = task.map_or(&[][..], |task| task.action_units);
+    let rows: Vec<Row> = store.trials()?.iter().map(|trial| row(trial, measures, units)).collect();
     if args.json {
         print_json(&rows.into_iter().map(Map::from_iter).collect::<Vec<_>>())?;
     } else if args.csv == Path::new("-") {
@@ -28,30 +32,15 @@ pub fn run(args: &TrialsArgs) -> Result<Verdict> {
     Ok(Verdict::Done)
 }
 
-/// Units that depend on the task, as endings of column names.
-struct Units {
-    value: &'static str,
-    theta: &'static [&'static str],
-}
-
-impl Units {
-    fn of(store: &Store) -> Units {
-        match store.meta().task.as_str() {
-            "skittles" => Units { value: "_m", theta: &["_rad", "_rad_s"] },
-            _ => Units { value: "", theta: &[] },
-        }
-    }
-}
-
 type Row = Vec<(String, Value)>;
 
-fn row(trial: &TrialRecord, units: &Units) -> Row {
-    let outcome = &trial.outcome;
+/// A measure that was not taken is null, in CSV nothing.
+fn row(trial: &TrialRecord, measures: &Declared, units: &[&str]) -> Row {
     let hex = |id: u64| json!(format!("{id:016x}"));
     let mut row: Row = [
         ("rollout", json!(trial.rollout)),
         ("reward", json!(trial.reward)),
-        ("success", json!(trial.success())),
+        ("success", json!(trial.success)),
         ("set_aside", json!(trial.set_aside)),
         ("fault", json!(trial.fault)),
         ("policy_id", json!(trial.policy_id)),
@@ -59,18 +48,17 @@ fn row(trial: &TrialRecord, units: &Units) -> Row {
         ("boot_id", hex(trial.boot_id)),
         ("applied_tick", json!(trial.applied_tick)),
         ("n_records", json!(trial.n_records)),
-        ("tossed", json!(outcome.has(OUTCOME_TOSSED))),
-        ("dropped", json!(outcome.has(OUTCOME_DROPPED))),
-        ("exploit", json!(outcome.has(OUTCOME_EXPLOIT))),
     ]
     .map(|(name, value)| (name.to_string(), value))
     .into();
-    row.extend(outcome.fields().into_iter().map(|(name, value)| match name {
-        "value" => (format!("value{}", units.value), json!(value)),
-        _ => (name.to_string(), json!(value)),
+    row.extend(measures.iter().map(|(name, unit)| {
+        match (trial.measures.get(name), unit.as_str()) {
+            (Some(value), TRUTH) => (name.clone(), json!(value != 0.0)),
+            (value, _) => (name.clone(), json!(value)),
+        }
     }));
     row.extend(trial.theta.iter().enumerate().map(|(i, value)| {
-        let unit = units.theta.get(i).unwrap_or(&"");
+        let unit = units.get(i).unwrap_or(&"");
         (format!("theta_{}{unit}", i + 1), json!(value))
     }));
     row
@@ -84,6 +72,7 @@ fn as_csv(rows: &[Row]) -> Result<String> {
     for row in rows {
         writer.write_record(row.iter().map(|(_, value)| match value {
             Value::String(text) => text.clone(),
+            Value::Null => String::new(),
             other => other.to_string(),
         }))?;
     }

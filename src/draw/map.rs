@@ -1,7 +1,7 @@
 //! A plane of two policy parameters: rewards as shades, Gaussians as ellipses.
 
-use search::Mode;
 use nalgebra::Vector2;
+use search::Mode;
 
 use super::plot::{Axis, Entry, Plot};
 
@@ -14,8 +14,8 @@ const POINTS: usize = 60;
 
 /// What a map shows: the ranges of both parameters and the reward over them.
 pub struct Map<'a> {
-    pub x: Axis,
-    pub y: Axis,
+    pub x: Axis<'a>,
+    pub y: Axis<'a>,
     pub reward: &'a dyn Fn(&Vector2<f64>) -> f64,
     /// Reward of the darkest shade.
     pub max: f64,

@@ -12,21 +12,21 @@ const CHARACTER: f64 = 7.5;
 
 /// What an axis shows; `label` with its unit.
 #[derive(Clone, Copy)]
-pub struct Axis {
-    pub label: &'static str,
+pub struct Axis<'a> {
+    pub label: &'a str,
     pub min: f64,
     pub max: f64,
 }
 
-impl Axis {
+impl<'a> Axis<'a> {
     /// From rollout 0 to a little beyond the last.
-    pub fn rollouts(rollouts: impl IntoIterator<Item = u64>) -> Axis {
+    pub fn rollouts(rollouts: impl IntoIterator<Item = u64>) -> Axis<'a> {
         let last = rollouts.into_iter().max().unwrap_or(0).max(10) as f64;
         Axis { label: "rollout", min: 0.0, max: 1.015 * last }
     }
 
     /// The range of the finite `values`.
-    pub fn exactly(label: &'static str, values: impl IntoIterator<Item = f64>) -> Axis {
+    pub fn exactly(label: &'a str, values: impl IntoIterator<Item = f64>) -> Axis<'a> {
         let finite = values.into_iter().filter(|value| value.abs() < 1e9);
         let (min, max) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(min, max), value| {
             (min.min(value), max.max(value))
@@ -40,7 +40,7 @@ impl Axis {
     }
 
     /// The range of the finite `values`, widened to whole ticks.
-    pub fn rounded(label: &'static str, values: impl IntoIterator<Item = f64>) -> Axis {
+    pub fn rounded(label: &'a str, values: impl IntoIterator<Item = f64>) -> Axis<'a> {
         let Axis { min, max, .. } = Axis::exactly(label, values);
         let step = tick_step(max - min, 5.0);
         let (min, max) = ((min / step).floor() * step, (max / step).ceil() * step);

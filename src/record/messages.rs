@@ -94,7 +94,7 @@ recorded! {
 }
 
 recorded! {
-    /// What the world measured in a rollout.
+    /// A rollout that has ended.
     pub struct Outcome {
         "1" [uint64] session: u64,
         "2" [uint64] rollout: u64,
@@ -102,23 +102,26 @@ recorded! {
         "4" [uint64] applied_tick: u64,
         "5" [uint64] n_records: u64,
         "6" [uint64] fault: u64,
-        "7" [bool] tossed: bool,
-        "8" [bool] success: bool,
-        "9" [bool] dropped: bool,
-        "10" [bool] exploit: bool,
-        "11" [double] value: f64,
-        "12" [double] release_time_s: f64,
-        "13" [double] release_speed_m_s: f64,
-        "14" [double] release_spin_rad_s: f64,
-        "15" [double] apex_m: f64,
-        "16" [double] crossing_time_s: f64,
-        "17" [double] flip_angle_rad: f64,
-        "18" [double] distance_m: f64,
-        "19" [double] lateral_m: f64,
-        "20" [double] final_lateral_m: f64,
-        "21" [double] release_pitch_rate_rad_s: f64,
-        "22" [double] bounce_s: f64,
-        "23" [double] clipped_share: f64,
+    }
+}
+
+recorded! {
+    /// One number of what was measured of a rollout.
+    pub struct Measure {
+        "1" [string] name: String,
+        /// `1` for a number without unit, `bool` for a truth value, 1 or 0.
+        "2" [string] unit: String,
+        "3" [double] value: f64,
+    }
+}
+
+recorded! {
+    /// What was measured of a rollout.
+    pub struct Measures {
+        "1" [uint64] session: u64,
+        "2" [uint64] rollout: u64,
+        "3" [uint64] policy_digest: u64,
+        "4" [message, repeated] measures: Vec<Measure>,
     }
 }
 
@@ -167,6 +170,8 @@ pub(super) fn descriptors() -> Vec<DescriptorProto> {
         Spring::descriptor(),
         Policy::descriptor(),
         Outcome::descriptor(),
+        Measure::descriptor(),
+        Measures::descriptor(),
         Trial::descriptor(),
         Mode::descriptor(),
         Mixture::descriptor(),

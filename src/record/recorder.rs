@@ -81,7 +81,7 @@ impl Recorder {
             Seen::Outcome(header) => self.scribe.outcome(header),
             Seen::Tick(..) => {} // has a time of its own
             Seen::Trial(news) => {
-                self.scribe.trial(&Trial::from(&**news));
+                self.scribe.trial(&Trial::from(&**news), &news.measures);
                 if let Some(mixture) = Mixture::of_news(news) {
                     self.scribe.mixture(&mixture);
                 }

@@ -5,7 +5,7 @@
 //! | `/tick` | `Tick` | every tick given |
 //! | `/tf`; `/joint_states`, `/springs` | Foxglove's | see [`Detail`] |
 //! | `/bodies` | Foxglove's `SceneUpdate` | on request: they stay |
-//! | `/policy`, `/outcome`, `/trial`, `/mixture` | our own | as they come |
+//! | `/policy`, `/outcome`, `/trial`, `/measures`, `/mixture` | our own | as they come |
 //! | `/log` | Foxglove's `Log` | as it comes |
 
 use std::collections::VecDeque;
@@ -14,12 +14,13 @@ use std::sync::Arc;
 use foxglove::messages::{FrameTransforms, JointStates, Log, SceneUpdate, Timestamp, log};
 use foxglove::{Channel, Context};
 use shm_types::episode::EpisodeHeader;
+use shm_types::measures;
 use shm_types::policy::PolicyMsg;
 use shm_types::telemetry::TelemetryTick;
 
 use super::drawing::Drawing;
 use super::loop_policy::LoopPolicy;
-use super::messages::{Mixture, Outcome, Policy, Tick, Trial};
+use super::messages::{Measures, Mixture, Outcome, Policy, Tick, Trial};
 
 /// Policies remembered: the one in the loop, and those that are on their way to it.
 const KNOWN: usize = 8;
@@ -45,6 +46,7 @@ pub struct Scribe {
     policies: Channel<Policy>,
     outcomes: Channel<Outcome>,
     trials: Channel<Trial>,
+    measures: Channel<Measures>,
     mixtures: Channel<Mixture>,
     logs: Channel<Log>,
     /// Of a task with an arm.
@@ -67,6 +69,7 @@ impl Scribe {
             policies: topic("/policy").build(),
             outcomes: topic("/outcome").build(),
             trials: topic("/trial").build(),
+            measures: topic("/measures").build(),
             mixtures: topic("/mixture").build(),
             logs: topic("/log").build(),
             drawing,
@@ -140,8 +143,10 @@ impl Scribe {
         self.outcomes.log_with_time(&Outcome::from(header), self.now_ns);
     }
 
-    pub fn trial(&self, trial: &Trial) {
+    /// A trial, with what was measured of it.
+    pub fn trial(&self, trial: &Trial, measures: &measures::Measures) {
         self.trials.log_with_time(trial, self.now_ns);
+        self.measures.log_with_time(&Measures::of(trial, measures), self.now_ns);
     }
 
     pub fn mixture(&self, mixture: &Mixture) {

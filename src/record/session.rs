@@ -67,7 +67,7 @@ impl SessionRecorder {
 
     pub fn trial(&mut self, report: &TrialReport) {
         let trial = Trial::new(self.session, self.policy_digest, report);
-        self.recorder.scribe().trial(&trial);
+        self.recorder.scribe().trial(&trial, &report.measures);
     }
 
     pub fn modes(&mut self, reports: &[ModeReport]) {

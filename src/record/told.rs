@@ -2,13 +2,12 @@
 
 use learner::modes::ModeReport;
 use learner::summary::TrialReport;
-use shm_types::episode::{
-    EpisodeHeader, OUTCOME_DROPPED, OUTCOME_EXPLOIT, OUTCOME_SUCCESS, OUTCOME_TOSSED,
-};
+use shm_types::episode::EpisodeHeader;
+use shm_types::measures;
 use shm_types::news::{TRIAL_SET_ASIDE, TRIAL_SUCCESS, TrialNews};
 use shm_types::policy::PolicyMsg;
 
-use super::messages::{Mixture, Mode, Outcome, Policy, Spring, Trial};
+use super::messages::{Measure, Measures, Mixture, Mode, Outcome, Policy, Spring, Trial};
 
 impl From<&PolicyMsg> for Policy {
     fn from(message: &PolicyMsg) -> Policy {
@@ -36,7 +35,6 @@ impl From<&PolicyMsg> for Policy {
 
 impl From<&EpisodeHeader> for Outcome {
     fn from(header: &EpisodeHeader) -> Outcome {
-        let outcome = &header.outcome;
         Outcome {
             session: header.session,
             rollout: header.rollout,
@@ -44,23 +42,23 @@ impl From<&EpisodeHeader> for Outcome {
             applied_tick: header.applied_tick,
             n_records: header.n_records,
             fault: header.fault,
-            tossed: outcome.has(OUTCOME_TOSSED),
-            success: outcome.has(OUTCOME_SUCCESS),
-            dropped: outcome.has(OUTCOME_DROPPED),
-            exploit: outcome.has(OUTCOME_EXPLOIT),
-            value: outcome.value,
-            release_time_s: outcome.release_time_s,
-            release_speed_m_s: outcome.release_speed_m_s,
-            release_spin_rad_s: outcome.release_spin_rad_s,
-            apex_m: outcome.apex_m,
-            crossing_time_s: outcome.crossing_time_s,
-            flip_angle_rad: outcome.flip_angle_rad,
-            distance_m: outcome.distance_m,
-            lateral_m: outcome.lateral_m,
-            final_lateral_m: outcome.final_lateral_m,
-            release_pitch_rate_rad_s: outcome.release_pitch_rate_rad_s,
-            bounce_s: outcome.bounce_s,
-            clipped_share: outcome.clipped_share,
+        }
+    }
+}
+
+impl Measures {
+    /// Of the rollout that `trial` tells of.
+    pub fn of(trial: &Trial, measures: &measures::Measures) -> Measures {
+        let all = measures.iter().map(|measure| Measure {
+            name: measure.name.into(),
+            unit: measure.unit.into(),
+            value: measure.value,
+        });
+        Measures {
+            session: trial.session,
+            rollout: trial.rollout,
+            policy_digest: trial.policy_digest,
+            measures: all.collect(),
         }
     }
 }

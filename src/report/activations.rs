@@ -44,7 +44,7 @@ fn draw(data: &ReportData, width: f64) -> Panel {
     let y_axis = Axis { label: "activation", min: 0.0, max: 1.15 };
     let alt = format!("activations of {} attractors over time", curves.len());
     let mut plot = Plot::new((width, 220.0), &alt, x_axis, y_axis, &[]);
-    mark_events(&mut plot, &data.learnt_outcome, ["", ""]);
+    mark_events(&mut plot, &data.learnt_measures, ["", ""]);
     let n = curves.len();
     for (i, curve) in curves.into_iter().enumerate() {
         let highest = curve.iter().copied().reduce(|a, b| if b.1 > a.1 { b } else { a });

@@ -10,9 +10,9 @@ use std::fmt::Write;
 use learner::path::PathRow;
 use nalgebra::Vector3;
 
-use super::ReportData;
 use super::side_view::{View, draw_pan, draw_pancake, orientation};
 use super::strip::finite;
+use super::{ReportData, time};
 use crate::draw::figure::{Figure, HALF, Row};
 use crate::draw::svg::{Anchor, Panel, short};
 
@@ -170,9 +170,11 @@ fn draw(data: &ReportData, path: &[PathRow], frames: &[PathRow]) -> Panel {
     });
     panel.polygon([(0.0, 0.0), (width, 0.0), (width, height), (0.0, height)], "frame");
     panel.line((8.0, line_y), (width - 8.0, line_y), "axis");
-    let outcome = &data.learnt_outcome;
-    for (t_s, name) in [(outcome.release_time_s, "release"), (outcome.crossing_time_s, "crossing")]
-    {
+    let measures = &data.learnt_measures;
+    for (t_s, name) in [
+        (time(measures, "release_time_s"), "release"),
+        (time(measures, "crossing_time_s"), "crossing"),
+    ] {
         if t_s > course.start_s && t_s <= course.start_s + course.duration_s {
             let x = across(t_s);
             panel.line((x, line_y - 5.0), (x, line_y + 5.0), "axis");

@@ -120,9 +120,9 @@ fn attractor_path(policy: &PolicyMsg) -> Vec<(f64, f64)> {
 
 /// Both axes with a margin, the shorter one widened towards the longer; and the area, px,
 /// that gives them the same scale.
-pub fn equal_scale(x: Axis, z: Axis) -> (Axis, Axis, (f64, f64)) {
+pub fn equal_scale<'a>(x: Axis<'a>, z: Axis<'a>) -> (Axis<'a>, Axis<'a>, (f64, f64)) {
     let longer = (x.max - x.min).max(z.max - z.min).max(0.05);
-    let widened = |axis: Axis, share: f64| {
+    let widened = |axis: Axis<'a>, share: f64| {
         let half = 0.5 * ((axis.max - axis.min) + 0.16 * longer).max(share * longer);
         let middle = 0.5 * (axis.min + axis.max);
         Axis { min: middle - half, max: middle + half, ..axis }

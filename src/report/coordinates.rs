@@ -78,7 +78,7 @@ fn draw(data: &ReportData, coordinate: &Coordinate) -> Panel {
     let alt = format!("{} over time, learnt and initial policy", coordinate.label);
     let legend = if coordinate.attractor.is_some() { &LEGEND[..] } else { &LEGEND[..2] };
     let mut plot = Plot::new((THIRD, 250.0), &alt, x, y, legend);
-    mark_events(&mut plot, &data.learnt_outcome, ["", ""]);
+    mark_events(&mut plot, &data.learnt_measures, ["", ""]);
     plot.curve(initial, "initial");
     plot.curve(attractor, "attractor");
     plot.curve(learnt, "learnt");

@@ -5,8 +5,8 @@ use learner::path::PathRow;
 use nalgebra::{Matrix2, Vector2};
 use shm_types::policy::PolicyMsg;
 
-use super::ReportData;
 use super::attractors::{X, Z, colour, equal_scale};
+use super::{ReportData, time};
 use crate::draw::figure::{Figure, Row};
 use crate::draw::plot::{Axis, Entry, Key, Plot};
 use crate::draw::svg::{Anchor, Panel};
@@ -102,8 +102,8 @@ fn draw(data: &ReportData) -> Panel {
         }
     });
     plot.curve(path.iter().map(place), "learnt");
-    let outcome = &data.learnt_outcome;
-    for t_s in [outcome.release_time_s, outcome.crossing_time_s] {
+    let measures = &data.learnt_measures;
+    for t_s in [time(measures, "release_time_s"), time(measures, "crossing_time_s")] {
         if let Some(row) = path.iter().find(|row| t_s > 0.0 && f64::from(row.t_s) >= t_s) {
             let (x, z) = place(row);
             plot.dot(x, z, 3.5, "dot success");

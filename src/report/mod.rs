@@ -13,6 +13,7 @@ mod animation;
 mod attractors;
 mod coordinates;
 mod ellipsoids;
+mod measures;
 mod modes;
 mod outcomes;
 mod page;
@@ -30,7 +31,7 @@ mod timing;
 use learner::path::PathRow;
 use nalgebra::DVector;
 use rt_controller::disk::timing_file::LoopTiming;
-use shm_types::episode::OutcomeMsg;
+use shm_types::measures::Measures;
 use shm_types::policy::PolicyMsg;
 
 use crate::draw::figure::Figure;
@@ -53,15 +54,44 @@ pub struct ReportData {
     /// 100 Hz, from the start of Execute; empty if not recorded.
     pub initial_path: Vec<PathRow>,
     pub learnt_path: Vec<PathRow>,
-    pub learnt_outcome: OutcomeMsg,
+    pub learnt_measures: Measures,
     /// Further names and values for the summary.
     pub notes: Vec<(String, String)>,
     /// What the search had found when it last stopped; none before.
     pub modes: Vec<ModeRow>,
     /// One entry a pace, or why there are none.
     pub timing: Result<Vec<LoopTiming>, String>,
-    /// Instead of a flip: what a task without an arm shows.
-    pub plane: Option<Plane>,
+    pub pictures: Pictures,
+    /// What a success is called.
+    pub success: &'static str,
+}
+
+impl ReportData {
+    fn plane(&self) -> Option<&Plane> {
+        match &self.pictures {
+            Pictures::Plane(plane) => Some(plane),
+            _ => None,
+        }
+    }
+
+    fn is_toss(&self) -> bool {
+        matches!(self.pictures, Pictures::Toss)
+    }
+
+    /// The policy is an action vector.
+    fn is_action(&self) -> bool {
+        self.initial.n_actions > 0
+    }
+}
+
+/// What a report shows beside reward and measures.
+pub enum Pictures {
+    /// An object that is tossed off the pan and caught again.
+    Toss,
+    /// The plane that is searched, with what is known of its rewards.
+    Plane(Plane),
+    /// Nothing of its own.
+    Plain,
 }
 
 /// One rollout as the report shows it.
@@ -71,9 +101,14 @@ pub struct TrialRow {
     pub theta: DVector<f64>,
     pub reward: f64,
     pub success: bool,
-    pub outcome: OutcomeMsg,
+    pub measures: Measures,
     /// First fault of the rollout, or 0.
     pub fault: u64,
+}
+
+/// When something happened, s; 0 where it was not measured, or never did.
+fn time(measures: &Measures, name: &str) -> f64 {
+    measures.get(name).unwrap_or(0.0)
 }
 
 /// The complete page.
@@ -87,29 +122,35 @@ pub fn figures(data: &ReportData) -> Vec<(&'static str, Option<String>)> {
 }
 
 fn all_figures(data: &ReportData) -> Vec<Figure> {
-    if let Some(plane) = &data.plane {
+    if let Some(plane) = data.plane() {
         return vec![plane::figure(data, plane), reward::figure(data)];
     }
+    if data.is_action() {
+        return vec![reward::figure(data), measures::figure(data), modes::figure(data)];
+    }
     let [wakeup, tick] = timing::figures(&data.timing);
-    vec![
-        reward::figure(data),
-        strip::figure(data),
-        animation::figure(data),
+    let mut figures = vec![reward::figure(data)];
+    if data.is_toss() {
+        figures.extend([strip::figure(data), animation::figure(data)]);
+    }
+    figures.extend([
         modes::figure(data),
         attractors::figure(data),
         ellipsoids::figure(data),
         activations::figure(data),
         stiffness::figure(data),
         coordinates::figure(data),
-        outcomes::figure(data),
+        if data.is_toss() { outcomes::figure(data) } else { measures::figure(data) },
         wakeup,
         tick,
-    ]
+    ]);
+    figures
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use shm_types::measures::MAX_MEASURES;
 
     /// Every drawing and the page, with no number that is not one.
     fn render_all(data: &ReportData) -> String {
@@ -151,10 +192,20 @@ mod tests {
             row.mode.mean = row.mode.mean.rows(0, 2).into();
             row.mode.covariance = row.mode.covariance.view((0, 0), (2, 2)).into();
         }
-        data.plane = Some(Plane { x, y, reward: Box::new(|theta| theta.norm()), max: 1.0 });
+        let reward = Box::new(|theta: &nalgebra::Vector2<f64>| theta.norm());
+        data.pictures = Pictures::Plane(Plane { x, y, reward, max: 1.0 });
         let page = render_all(&data);
         assert!(page.contains("id=\"solutions\"") && page.contains("Configuration in effect"));
         assert!(!page.contains("id=\"flip\""), "there is no arm");
+    }
+
+    #[test]
+    fn a_task_without_pictures_shows_its_measures() {
+        let mut data = sample::session(30);
+        data.pictures = Pictures::Plain;
+        let page = render_all(&data);
+        assert!(page.contains("id=\"measures\"") && !page.contains("id=\"flip\""));
+        assert!(page.contains("apex_m, m"), "a panel for each number");
     }
 
     /// What HTML leaves open: elements without an end.
@@ -209,8 +260,8 @@ mod tests {
     fn draws_a_session_of_one_rollout_without_success() {
         let mut data = sample::session(1);
         data.trials[0].success = false;
-        data.trials[0].outcome = OutcomeMsg::ZERO;
-        data.learnt_outcome = OutcomeMsg::ZERO;
+        data.trials[0].measures = Measures::NONE;
+        data.learnt_measures = Measures::NONE;
         data.learnt_path.truncate(1);
         assert!(render_all(&data).contains("No caught flip"));
         data.initial = PolicyMsg::EMPTY;
@@ -221,12 +272,12 @@ mod tests {
     fn survives_values_that_are_not_finite() {
         let mut data = sample::session(5);
         data.trials[2].reward = f64::NAN;
-        data.trials[3].outcome.apex_m = f64::INFINITY;
-        data.trials[3].outcome.lateral_m = f64::NAN;
+        data.trials[3].measures.values = [f64::INFINITY; MAX_MEASURES];
+        data.trials[4].measures.values = [f64::NAN; MAX_MEASURES];
         data.learnt.components[1].stiffness = [f64::NAN; shm_types::PACKED];
         data.learnt.components[2].attractor[0] = f64::INFINITY;
         data.learnt_path[7].pan_position[2] = f32::NAN;
-        data.learnt_outcome.release_time_s = f64::NAN;
+        data.learnt_measures.values = [f64::NAN; MAX_MEASURES];
         render_all(&data);
     }
 

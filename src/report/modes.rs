@@ -1,7 +1,7 @@
 //! What the search found: trials by reward, and modes, in a plane of the policy parameters.
 
-use search::Mode;
 use nalgebra::DVector;
+use search::Mode;
 
 use super::attractors::{colour, label_places};
 use super::principal::Principal;
@@ -37,7 +37,7 @@ pub const LEGEND: [Entry; 2] =
 pub fn figure(data: &ReportData) -> Figure {
     let thetas: Vec<&DVector<f64>> = data.trials.iter().map(|trial| &trial.theta).collect();
     let plane = Principal::of(&thetas);
-    let mut caption = "Trials as dots, filled where the flip was caught, in the plane in which \
+    let mut caption = "Trials as dots, filled where they succeeded, in the plane in which \
                        the policies of the session differ most."
         .to_owned();
     if let Some(Principal { shares: [first, second], .. }) = plane {
@@ -45,7 +45,7 @@ pub fn figure(data: &ReportData) -> Figure {
         caption = format!(
             "The trials in the plane of their first two principal axes, which hold {:.0} and \
              {:.0}&#8239;% of the variance of their {dim} parameters θ (in the scaled units of \
-             the search). Filled: caught flips. Ellipses: the modes found, one standard deviation \
+             the search). Filled: successes. Ellipses: the modes found, one standard deviation \
              of the search's final distribution about their means; share is the prior.",
             100.0 * first,
             100.0 * second

@@ -1,10 +1,10 @@
 //! What each rollout did to the pancake: the quantities of the reward (the paper's Fig. 3, left)
 //! over the rollouts.
 
-use shm_types::episode::OutcomeMsg;
+use shm_types::measures::Measures;
 
 use super::side_view::PAN_RADIUS;
-use super::{ReportData, TrialRow};
+use super::{ReportData, TrialRow, time};
 use crate::draw::figure::{Figure, Row, THIRD};
 use crate::draw::plot::{Axis, Plot};
 use crate::draw::svg::Panel;
@@ -15,8 +15,8 @@ const MISS_MAX_M: f64 = 0.4;
 /// One panel: its axis, the value of an outcome in the axis's unit if it has one, and a level to
 /// compare with.
 struct Quantity {
-    axis: Axis,
-    value: fn(&OutcomeMsg) -> Option<f64>,
+    axis: Axis<'static>,
+    value: fn(&Measures) -> Option<f64>,
     reference: Option<f64>,
 }
 
@@ -41,29 +41,29 @@ pub fn figure(data: &ReportData) -> Figure {
 }
 
 fn quantities(trials: &[TrialRow]) -> [Quantity; 3] {
-    let apexes = trials.iter().map(|trial| trial.outcome.apex_m);
+    let apexes = trials.iter().filter_map(|trial| trial.measures.get("apex_m"));
     [
         Quantity {
             axis: Axis { label: "flip angle at the crossing, °", min: 0.0, max: 200.0 },
-            value: |outcome| crossed(outcome).then(|| outcome.flip_angle_rad.to_degrees()),
+            value: |all| of_crossing(all, "flip_angle_rad").map(f64::to_degrees),
             reference: Some(180.0),
         },
         Quantity {
             axis: Axis::rounded("apex above the start, m", apexes.chain([0.0])),
-            value: |outcome| Some(outcome.apex_m),
+            value: |all| all.get("apex_m"),
             reference: None,
         },
         Quantity {
             axis: Axis { label: "lateral miss at the crossing, cm", min: 0.0, max: 41.0 },
-            value: |outcome| crossed(outcome).then(|| outcome.lateral_m.min(MISS_MAX_M) * 100.0),
+            value: |all| of_crossing(all, "lateral_m").map(|miss| miss.min(MISS_MAX_M) * 100.0),
             reference: Some(PAN_RADIUS * 100.0),
         },
     ]
 }
 
-/// Did the pancake fall back through Δ_h? Without it there is neither angle nor distance.
-fn crossed(outcome: &OutcomeMsg) -> bool {
-    outcome.crossing_time_s > 0.0
+/// Only where the pancake fell back through Δ_h; else there is neither angle nor distance.
+fn of_crossing(measures: &Measures, name: &str) -> Option<f64> {
+    measures.get(name).filter(|_| time(measures, "crossing_time_s") > 0.0)
 }
 
 fn draw(trials: &[TrialRow], quantity: &Quantity) -> Panel {
@@ -77,7 +77,7 @@ fn draw(trials: &[TrialRow], quantity: &Quantity) -> Panel {
     for success in [false, true] {
         for trial in trials.iter().filter(|trial| trial.success == success) {
             let class = if success { "dot success" } else { "dot failure" };
-            match (quantity.value)(&trial.outcome) {
+            match (quantity.value)(&trial.measures) {
                 Some(value) => plot.dot(trial.rollout as f64, value, 2.8, class),
                 None => plot.absent(trial.rollout as f64),
             }
@@ -94,9 +94,9 @@ mod tests {
     #[test]
     fn marks_rollouts_without_a_crossing_instead_of_drawing_zero() {
         let mut trials = sample::session(5).trials;
-        let measured = OutcomeMsg { crossing_time_s: 1.2, lateral_m: 0.1, ..OutcomeMsg::ZERO };
-        trials.iter_mut().for_each(|trial| trial.outcome = measured);
-        trials[3].outcome = OutcomeMsg::ZERO;
+        let measured = sample::measures(&[("crossing_time_s", 1.2), ("lateral_m", 0.1)]);
+        trials.iter_mut().for_each(|trial| trial.measures = measured);
+        trials[3].measures = sample::measures(&[]);
         let [angle, apex, miss] = quantities(&trials).map(|quantity| draw(&trials, &quantity));
         for panel in [angle, miss] {
             assert_eq!(panel.inline().matches("absent").count(), 1);
@@ -107,8 +107,7 @@ mod tests {
 
     #[test]
     fn draws_far_misses_at_the_edge() {
-        let mut outcome = sample::session(1).trials[0].outcome;
-        outcome.lateral_m = 7.0;
-        assert_eq!((quantities(&[])[2].value)(&outcome), Some(40.0));
+        let far = sample::measures(&[("crossing_time_s", 1.2), ("lateral_m", 7.0)]);
+        assert_eq!((quantities(&[])[2].value)(&far), Some(40.0));
     }
 }

@@ -1,6 +1,6 @@
 //! The page: verdict, summary, figures, terms, and at the end every number behind them.
 
-use super::{ReportData, summary};
+use super::{Pictures, ReportData, summary};
 use crate::draw::figure::Figure;
 use crate::draw::style;
 use crate::draw::svg::escape;
@@ -12,6 +12,10 @@ const ARM: &str = "A robot arm improves a compliant movement, its path and its s
 const PLANE: &str = "A policy is two numbers; the search looks for every good one (Sec. 4.2 of \
                      Calinon, Kormushev and Caldwell, <i>Compliant skills acquisition and \
                      multi-optima policy search with EM-based reinforcement learning</i>).";
+
+const ACTION: &str = "A policy is a few numbers; the search improves them by trial and error, as Calinon, \
+                      Kormushev and Caldwell do in <i>Compliant skills acquisition and multi-optima \
+                      policy search with EM-based reinforcement learning</i>.";
 
 const TERMS: &str = "<b>Terms.</b> A <i>rollout</i> is one execution of a policy. The \
     <i>policy</i> is a sequence of attractors, each with a stiffness; they act one after another \
@@ -25,9 +29,13 @@ const TERMS: &str = "<b>Terms.</b> A <i>rollout</i> is one execution of a policy
 pub fn html(data: &ReportData, figures: &[Figure]) -> String {
     let task = escape(&data.task);
     let figures: String = (1..).zip(figures).map(|(n, figure)| figure.html(n)).collect();
-    let (heading, about, verdict, terms) = match &data.plane {
-        None => ("Learning to flip", ARM, summary::verdict(&data.trials), TERMS),
-        Some(_) => ("Searching for solutions", PLANE, summary::solutions(data), ""),
+    let (heading, about, verdict, terms) = match &data.pictures {
+        Pictures::Toss => ("Learning to flip", ARM, summary::verdict(data), TERMS),
+        Pictures::Plane(_) => ("Searching for solutions", PLANE, summary::solutions(data), ""),
+        Pictures::Plain if data.is_action() => {
+            ("Searching for solutions", ACTION, summary::verdict(data), "")
+        }
+        Pictures::Plain => ("Learning", ARM, summary::verdict(data), ""),
     };
     let terms =
         if terms.is_empty() { String::new() } else { format!("<p class=\"terms\">{terms}</p>\n") };

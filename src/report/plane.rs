@@ -1,7 +1,7 @@
 //! The plane of two policy parameters: the true reward, the trials, the solutions found.
 
-use search::Mode;
 use nalgebra::Vector2;
+use search::Mode;
 
 use super::modes::{LEGEND, ModeRow, NO_MODES, draw_modes, table};
 use super::{ReportData, TrialRow};
@@ -15,8 +15,8 @@ pub type Reward = Box<dyn Fn(&Vector2<f64>) -> f64>;
 
 /// A task with two policy parameters and no arm.
 pub struct Plane {
-    pub x: Axis,
-    pub y: Axis,
+    pub x: Axis<'static>,
+    pub y: Axis<'static>,
     /// What the world gives for each policy: for the reader, the search never sees it.
     pub reward: Reward,
     pub max: f64,

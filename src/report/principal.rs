@@ -1,7 +1,7 @@
 //! The plane of the two principal axes of the trials: where a hundred parameters vary most.
 
-use search::Mode;
 use nalgebra::{DMatrix, DVector};
+use search::Mode;
 
 /// y = Vᵀ(θ − θ̄), θ̄ the mean of the trials and V (D×2) the first two right singular vectors of
 /// the matrix of their deviations.

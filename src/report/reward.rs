@@ -1,6 +1,6 @@
 //! Reward over the rollouts: the paper's Fig. 3, centre.
 
-use super::{ReportData, TrialRow};
+use super::{Pictures, ReportData, TrialRow};
 use crate::draw::figure::{Figure, HALF, Row};
 use crate::draw::plot::{Axis, Entry, Key, Plot};
 use crate::draw::svg::Panel;
@@ -8,40 +8,54 @@ use crate::draw::svg::Panel;
 /// Rollouts in a running mean.
 const WINDOW: usize = 10;
 
-const LEGEND: [Entry; 4] = [
+const BEST: Entry = (Key::Line, "best", "best so far");
+const MEAN: Entry = (Key::Line, "mean", "mean of the last 10");
+const LEGEND: [Entry; 4] =
+    [(Key::Dot, "dot success", "success"), (Key::Dot, "dot failure", "no success"), BEST, MEAN];
+const FLIP_LEGEND: [Entry; 4] = [
     (Key::Dot, "dot success", "caught flip"),
     (Key::Dot, "dot failure", "no caught flip"),
-    (Key::Line, "best", "best so far"),
-    (Key::Line, "mean", "mean of the last 10"),
+    BEST,
+    MEAN,
 ];
 /// For a task that knows no success.
-const PLAIN_LEGEND: [Entry; 3] = [(Key::Dot, "dot failure", "trial"), LEGEND[2], LEGEND[3]];
+const PLAIN_LEGEND: [Entry; 3] = [(Key::Dot, "dot failure", "trial"), BEST, MEAN];
 
 pub fn figure(data: &ReportData) -> Figure {
     let rows = if data.trials.is_empty() {
         Err("the session has no rollout yet.".to_owned())
     } else {
-        let legend = if data.plane.is_some() { &PLAIN_LEGEND[..] } else { &LEGEND };
-        Ok(match data.plane {
+        let legend = match &data.pictures {
+            Pictures::Toss => &FLIP_LEGEND[..],
+            Pictures::Plane(_) => &PLAIN_LEGEND,
+            Pictures::Plain => &LEGEND,
+        };
+        Ok(match data.plane() {
             // Beside the plane.
-            Some(_) => vec![Row::Half(draw(&data.trials, legend, HALF))],
+            Some(_) => vec![Row::Half(draw(data, legend, HALF))],
             None => vec![
-                Row::wide(|width| draw(&data.trials, legend, width)),
-                Row::wide(|width| draw_successes(&data.trials, width)),
+                Row::wide(|width| draw(data, legend, width)),
+                Row::wide(|width| draw_successes(data, width)),
             ],
         })
     };
-    let caption = if data.plane.is_some() {
-        "One point per rollout."
-    } else {
-        "Every rollout earns a reward for flip angle, nearness of pan and pancake, and height. One \
-         point per rollout, filled where the pancake was flipped and caught. Below: the share of \
-         caught flips among the last 10 rollouts."
+    let caption = match &data.pictures {
+        Pictures::Plane(_) => "One point per rollout.",
+        Pictures::Plain => {
+            "One point per rollout, filled where it was a success. Below: the share of successes \
+             among the last 10 rollouts."
+        }
+        Pictures::Toss => {
+            "Every rollout earns a reward for flip angle, nearness of pan and pancake, and height. \
+             One point per rollout, filled where the pancake was flipped and caught. Below: the \
+             share of caught flips among the last 10 rollouts."
+        }
     };
     Figure { stem: "reward", title: "Reward over the rollouts", caption: caption.to_owned(), rows }
 }
 
-fn draw(trials: &[TrialRow], legend: &[Entry], width: f64) -> Panel {
+fn draw(data: &ReportData, legend: &[Entry], width: f64) -> Panel {
+    let trials = &data.trials;
     let rollouts = || trials.iter().map(|trial| trial.rollout as f64);
     let rewards = || trials.iter().map(|trial| trial.reward);
     let x = Axis::rollouts(trials.iter().map(|trial| trial.rollout));
@@ -55,7 +69,7 @@ fn draw(trials: &[TrialRow], legend: &[Entry], width: f64) -> Panel {
     plot.curve(steps(&rollouts().zip(best).collect::<Vec<_>>()), "best");
     plot.curve(rollouts().zip(running_mean(rewards())).skip(WINDOW - 1), "mean");
     if let Some(first) = trials.iter().find(|trial| trial.success) {
-        let name = format!("first caught flip: {}", first.rollout);
+        let name = format!("first {}: {}", data.success, first.rollout);
         plot.event(first.rollout as f64, 0, &name);
     }
     let radius = if width > HALF { 3.6 } else { 2.8 };
@@ -66,9 +80,12 @@ fn draw(trials: &[TrialRow], legend: &[Entry], width: f64) -> Panel {
     plot.panel
 }
 
-fn draw_successes(trials: &[TrialRow], width: f64) -> Panel {
+fn draw_successes(data: &ReportData, width: f64) -> Panel {
+    let trials = &data.trials;
+    let successes = if data.is_toss() { "caught flips" } else { "successes" };
+    let label = format!("{successes} among the last 10, %");
     let x = Axis::rollouts(trials.iter().map(|trial| trial.rollout));
-    let y = Axis { label: "caught flips among the last 10, %", min: 0.0, max: 100.0 };
+    let y = Axis { label: &label, min: 0.0, max: 100.0 };
     let alt = "share of caught flips among the last 10 rollouts";
     let mut plot = Plot::new((width, 150.0), alt, x, y, &[]);
     let rollouts = trials.iter().map(|trial| trial.rollout as f64);

@@ -7,14 +7,14 @@ use learner::activation::policy_activations;
 use learner::demonstration::Demonstration;
 use learner::initial_policy::{InitialPolicyConfig, initial_policy};
 use learner::path::PathRow;
-use search::Mode;
 use nalgebra::{DMatrix, DVector, SMatrix, SVector, UnitQuaternion, Vector3};
 use rt_controller::Pace;
 use rt_controller::disk::timing_file::LoopTiming;
-use shm_types::episode::{OUTCOME_SUCCESS, OUTCOME_TOSSED, OutcomeMsg};
+use search::Mode;
+use shm_types::measures::{Measure, Measures, TRUTH};
 use shm_types::policy::{PolicyMsg, packed_index};
 
-use super::{ModeRow, ReportData, TrialRow};
+use super::{ModeRow, Pictures, ReportData, TrialRow};
 
 /// Parameters of a made-up policy.
 const DIM: usize = 6;
@@ -31,22 +31,20 @@ pub fn session(n: u64) -> ReportData {
     let initial = initial_policy(&demonstration, &InitialPolicyConfig::default());
     let learnt = learnt(initial);
     let (learnt_path, crossing_s) = flip(&learnt);
-    let learnt_outcome = OutcomeMsg {
-        value: 0.0,
-        flags: OUTCOME_TOSSED | OUTCOME_SUCCESS,
-        release_time_s: RELEASE_S,
-        release_speed_m_s: SPEED,
-        release_spin_rad_s: 5.1,
-        apex_m: SPEED * SPEED / (2.0 * GRAVITY) + 0.03,
-        crossing_time_s: crossing_s,
-        flip_angle_rad: 3.02,
-        distance_m: 0.106,
-        lateral_m: 0.034,
-        final_lateral_m: 0.028,
-        release_pitch_rate_rad_s: -5.1,
-        bounce_s: 0.012,
-        clipped_share: 0.03,
-    };
+    let learnt_measures = measures(&[
+        ("caught", 1.0),
+        ("release_time_s", RELEASE_S),
+        ("release_speed_m_s", SPEED),
+        ("release_spin_rad_s", 5.1),
+        ("apex_m", SPEED * SPEED / (2.0 * GRAVITY) + 0.03),
+        ("crossing_time_s", crossing_s),
+        ("flip_angle_rad", 3.02),
+        ("distance_m", 0.106),
+        ("lateral_m", 0.034),
+        ("final_lateral_m", 0.028),
+        ("bounce_s", 0.012),
+        ("clipped_share", 0.03),
+    ]);
     ReportData {
         task: "pancake".into(),
         session: "2026-01-31-1412-seed7".into(),
@@ -58,7 +56,7 @@ pub fn session(n: u64) -> ReportData {
         learnt_rollout: n.saturating_sub(3).max(1),
         initial_path: flip(&initial).0.into_iter().map(keep_pancake_in_pan).collect(),
         learnt_path,
-        learnt_outcome,
+        learnt_measures,
         notes: vec![("rollouts per second".into(), "4.2".into())],
         modes: modes(),
         timing: Ok(vec![LoopTiming {
@@ -68,7 +66,8 @@ pub fn session(n: u64) -> ReportData {
             wakeup: vec![(51_000, 1500), (61_000, 399), (1_200_000, 1)],
             tick: vec![(1700, 1000), (2100, 900)],
         }]),
-        plane: None,
+        pictures: Pictures::Toss,
+        success: "caught flip",
     }
 }
 
@@ -105,27 +104,49 @@ fn trial(rollout: u64) -> TrialRow {
     let flip_angle_rad = (0.4 + 2.7 * skill + shaken(2, 0.9)).clamp(0.0, PI);
     let lateral_m = (0.2 - 0.17 * skill + shaken(3, 0.1)).abs();
     let success = crossed && flip_angle_rad > 2.55 && lateral_m < 0.085;
-    let mut outcome =
-        OutcomeMsg { apex_m, flags: if success { OUTCOME_SUCCESS } else { 0 }, ..OutcomeMsg::ZERO };
+    let distance_m = lateral_m.hypot(DROP_HEIGHT);
+    let mut measured = vec![("caught", f64::from(u8::from(success))), ("apex_m", apex_m)];
     if crossed {
-        outcome = OutcomeMsg {
-            release_time_s: 0.55,
-            release_speed_m_s: (2.0 * GRAVITY * apex_m).sqrt(),
-            release_spin_rad_s: 2.0 + 3.0 * skill,
-            crossing_time_s: 1.2,
-            flip_angle_rad,
-            distance_m: lateral_m.hypot(DROP_HEIGHT),
-            lateral_m,
-            ..outcome
-        };
+        measured.extend([
+            ("release_time_s", 0.55),
+            ("release_speed_m_s", (2.0 * GRAVITY * apex_m).sqrt()),
+            ("release_spin_rad_s", 2.0 + 3.0 * skill),
+            ("crossing_time_s", 1.2),
+            ("flip_angle_rad", flip_angle_rad),
+            ("distance_m", distance_m),
+            ("lateral_m", lateral_m),
+        ]);
     }
     let reward = if crossed {
-        0.5 * flip_angle_rad / PI + 0.5 * (-outcome.distance_m).exp() + 0.5 * apex_m
+        0.5 * flip_angle_rad / PI + 0.5 * (-distance_m).exp() + 0.5 * apex_m
     } else {
         0.5 * apex_m
     };
     let theta = DVector::from_fn(DIM, |i, _| skill * noise(100 * rollout + i as u64));
-    TrialRow { rollout, theta, reward, success, outcome, fault: u64::from(rollout % 41 == 40) }
+    let (measures, fault) = (measures(&measured), u64::from(rollout % 41 == 40));
+    TrialRow { rollout, theta, reward, success, measures, fault }
+}
+
+/// The measures of a pancake: those given, 0 the others.
+pub fn measures(given: &[(&str, f64)]) -> Measures {
+    const ALL: [(&str, &str); 12] = [
+        ("caught", TRUTH),
+        ("release_time_s", "s"),
+        ("release_speed_m_s", "m/s"),
+        ("release_spin_rad_s", "rad/s"),
+        ("apex_m", "m"),
+        ("crossing_time_s", "s"),
+        ("flip_angle_rad", "rad"),
+        ("distance_m", "m"),
+        ("lateral_m", "m"),
+        ("final_lateral_m", "m"),
+        ("bounce_s", "s"),
+        ("clipped_share", "1"),
+    ];
+    let value =
+        |name: &str| given.iter().find(|(given, _)| *given == name).map_or(0.0, |(_, x)| *x);
+    let all = ALL.map(|(name, unit)| Measure { name, unit, value: value(name) });
+    Measures::of(all).expect("they fit")
 }
 
 /// Stiff for the throw, compliant for the catch.

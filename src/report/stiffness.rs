@@ -2,10 +2,10 @@
 
 use learner::activation::policy_activations;
 use shm_types::TASK_DIM;
-use shm_types::episode::OutcomeMsg;
+use shm_types::measures::Measures;
 use shm_types::policy::{ACTIVATION_DECAY, Component, PolicyMsg};
 
-use super::ReportData;
+use super::{ReportData, time};
 use crate::draw::figure::{Figure, Row, THIRD};
 use crate::draw::plot::{Axis, Entry, Key, Plot};
 use crate::draw::svg::{Anchor, Panel};
@@ -80,7 +80,7 @@ fn draw(data: &ReportData, c: usize, size: (f64, f64), legend: &[Entry]) -> Pane
     let alt = format!("{} of the learnt and the initial policy over time", LABELS[c]);
     let mut plot = Plot::new(size, &alt, x, y, legend);
     let names = if c == Z { ["release", "crossing"] } else { ["", ""] };
-    mark_events(&mut plot, &data.learnt_outcome, names);
+    mark_events(&mut plot, &data.learnt_measures, names);
     plot.curve(initial, "initial");
     plot.curve(learnt, "learnt");
     if c == Z {
@@ -90,8 +90,8 @@ fn draw(data: &ReportData, c: usize, size: (f64, f64), legend: &[Entry]) -> Pane
 }
 
 /// Vertical lines at release and crossing, as far as there were any.
-pub fn mark_events(plot: &mut Plot, outcome: &OutcomeMsg, names: [&str; 2]) {
-    let times = [outcome.release_time_s, outcome.crossing_time_s];
+pub fn mark_events(plot: &mut Plot, measures: &Measures, names: [&str; 2]) {
+    let times = [time(measures, "release_time_s"), time(measures, "crossing_time_s")];
     for (t_s, name) in times.into_iter().zip(names) {
         if t_s > 0.0 {
             plot.event(t_s, 1, name);

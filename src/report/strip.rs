@@ -4,10 +4,10 @@ use std::f64::consts::FRAC_PI_2;
 
 use learner::path::PathRow;
 use nalgebra::Vector3;
-use shm_types::episode::OutcomeMsg;
+use shm_types::measures::Measures;
 
-use super::ReportData;
 use super::side_view::{View, draw_pan, draw_pancake, orientation};
+use super::{ReportData, time};
 use crate::draw::figure::{FRAME, Figure, Row};
 use crate::draw::plot::fixed;
 use crate::draw::svg::{Anchor, Panel};
@@ -22,16 +22,17 @@ type Moment = (usize, &'static str);
 
 pub fn figure(data: &ReportData) -> Figure {
     let path = finite(&data.learnt_path);
-    let outcome = &data.learnt_outcome;
+    let measures = &data.learnt_measures;
     let rows = if path.len() < 2 {
         Err(format!("the session holds no path of rollout {}.", data.learnt_rollout))
     } else {
         let view = View::of(&path, FRAME);
-        let moments = moments(&path, outcome).into_iter().enumerate();
+        let moments = moments(&path, measures).into_iter().enumerate();
         let frames = moments.map(|(i, moment)| draw(&path, &view, moment, i == 0)).collect();
         Ok(vec![Row::Frames(frames)])
     };
-    let flight = if outcome.crossing_time_s > 0.0 { "" } else { " In this rollout it never did." };
+    let flight =
+        if time(measures, "crossing_time_s") > 0.0 { "" } else { " In this rollout it never did." };
     Figure {
         stem: "flip",
         title: "The flip",
@@ -52,12 +53,12 @@ pub fn finite(path: &[PathRow]) -> Vec<PathRow> {
 }
 
 /// The moments worth a frame, in order of time, without two frames of the same row.
-fn moments(path: &[PathRow], outcome: &OutcomeMsg) -> Vec<Moment> {
+fn moments(path: &[PathRow], measures: &Measures) -> Vec<Moment> {
     let last = path.len() - 1;
     let row_at = |t_s: f64| path.partition_point(|row| f64::from(row.t_s) < t_s).min(last);
     let apex = highest(path, |row| row.object_position[2]);
-    let has_flown = outcome.release_time_s > 0.0;
-    let throw_end = if has_flown { row_at(outcome.release_time_s) } else { apex.max(1) };
+    let has_flown = time(measures, "release_time_s") > 0.0;
+    let throw_end = if has_flown { row_at(time(measures, "release_time_s")) } else { apex.max(1) };
     let dip = highest(&path[..=throw_end], |row| -row.pan_position[2]);
 
     let mut moments = vec![(0, "start"), (dip, "dip"), (apex, "apex"), (last, "end")];
@@ -70,8 +71,8 @@ fn moments(path: &[PathRow], outcome: &OutcomeMsg) -> Vec<Moment> {
         let side = path[throw_end..].iter().position(|row| tilt(&path[0], row) >= FRAC_PI_2);
         moments.extend(side.map(|row| (throw_end + row, "on edge")));
     }
-    if outcome.crossing_time_s > 0.0 {
-        moments.push((row_at(outcome.crossing_time_s), "crossing"));
+    if time(measures, "crossing_time_s") > 0.0 {
+        moments.push((row_at(time(measures, "crossing_time_s")), "crossing"));
     }
     // Of two names for one row the earlier in this list is kept.
     moments.sort_by_key(|moment| moment.0);
@@ -136,7 +137,7 @@ mod tests {
     fn a_flip_has_all_its_moments_in_order() {
         let data = sample::session(5);
         let names: Vec<_> =
-            moments(&data.learnt_path, &data.learnt_outcome).iter().map(|m| m.1).collect();
+            moments(&data.learnt_path, &data.learnt_measures).iter().map(|m| m.1).collect();
         let flip = ["start", "dip", "throw", "release", "on edge", "apex", "crossing", "end"];
         assert_eq!(names.len(), 8, "{names:?}");
         assert!(flip.iter().all(|name| names.contains(name)), "{names:?}");
@@ -149,7 +150,7 @@ mod tests {
     #[test]
     fn a_rollout_without_flight_has_fewer_frames() {
         let data = sample::session(5);
-        let moments = moments(&data.initial_path, &OutcomeMsg::ZERO);
+        let moments = moments(&data.initial_path, &Measures::NONE);
         assert!((2..=4).contains(&moments.len()), "{moments:?}");
         assert!(moments.windows(2).all(|pair| pair[0].0 < pair[1].0));
     }

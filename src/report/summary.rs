@@ -1,10 +1,8 @@
 //! The session in one sentence and two tables.
 
-use std::f64::consts::PI;
+use shm_types::measures::{Measure, Measures, TRUTH};
 
-use shm_types::episode::{OUTCOME_DROPPED, OUTCOME_EXPLOIT, OutcomeMsg};
-
-use super::{ReportData, TrialRow};
+use super::{Pictures, ReportData, TrialRow, time};
 use crate::draw::plot::fixed;
 use crate::draw::svg::escape;
 
@@ -19,20 +17,21 @@ pub fn best(trials: &[TrialRow]) -> Option<&TrialRow> {
 
 /// For example "First caught flip at rollout 23; 14 of the last 20 rollouts succeed; best reward
 /// 1.31 (rollout 87)."
-pub fn verdict(trials: &[TrialRow]) -> String {
+pub fn verdict(data: &ReportData) -> String {
+    let (trials, success) = (&data.trials, data.success);
     let Some(best) = best(trials) else {
         return "No rollout has been recorded yet.".to_owned();
     };
     let best = format!("best reward {} (rollout {})", fixed(best.reward, 2), best.rollout);
     let Some(first) = trials.iter().find(|trial| trial.success) else {
-        return format!("No caught flip in {}; {best}.", rollouts(trials.len()));
+        return format!("No {success} in {}; {best}.", rollouts(trials.len()));
     };
     let recent = recent(trials);
     let hits = successes(recent);
     let which = if recent.len() < trials.len() { "the last " } else { "" };
     let succeed = if hits == 1 { "succeeds" } else { "succeed" };
     format!(
-        "First caught flip at rollout {}; {hits} of {which}{} {succeed}; {best}.",
+        "First {success} at rollout {}; {hits} of {which}{} {succeed}; {best}.",
         first.rollout,
         rollouts(recent.len())
     )
@@ -73,12 +72,12 @@ fn rollouts(n: usize) -> String {
 pub fn tables(data: &ReportData) -> String {
     let (session, trial) = (session_rows(data), trial_rows(data));
     let caption = if data.trials.iter().any(|trial| trial.success) {
-        format!("Best caught flip: rollout {}", data.learnt_rollout)
+        format!("Best {}: rollout {}", data.success, data.learnt_rollout)
     } else {
         format!("Best rollout: {}", data.learnt_rollout)
     };
     let mut tables = table("Session", &session);
-    if !trial.is_empty() && data.plane.is_none() {
+    if !trial.is_empty() && data.plane().is_none() {
         tables += &table(&caption, &trial);
     }
     format!("<div class=\"tables\">\n{tables}</div>\n")
@@ -86,16 +85,20 @@ pub fn tables(data: &ReportData) -> String {
 
 fn session_rows(data: &ReportData) -> Vec<(String, String)> {
     let trials = &data.trials;
-    let with = |flag| trials.iter().filter(|trial| trial.outcome.has(flag)).count();
+    let with = |name| trials.iter().filter(|trial| trial.measures.has(name)).count();
     let faults = trials.iter().filter(|trial| trial.fault != 0).count();
     let row = |name: &str, value: String| (name.to_owned(), value);
     let mut rows =
         vec![row("seed", data.seed.to_string()), row("rollouts", trials.len().to_string())];
-    if data.plane.is_none() {
-        rows.push(row("caught flips", successes(trials).to_string()));
-        rows.push(row("dropped pancakes", with(OUTCOME_DROPPED).to_string()));
+    match data.pictures {
+        Pictures::Toss => {
+            rows.push(row("caught flips", successes(trials).to_string()));
+            rows.push(row("dropped pancakes", with("dropped").to_string()));
+        }
+        Pictures::Plain => rows.push(row("successes", successes(trials).to_string())),
+        Pictures::Plane(_) => {}
     }
-    let exploits = with(OUTCOME_EXPLOIT);
+    let exploits = with("exploit");
     if exploits > 0 {
         rows.push(row("discarded as contact exploits", exploits.to_string()));
     }
@@ -104,49 +107,57 @@ fn session_rows(data: &ReportData) -> Vec<(String, String)> {
     rows
 }
 
-/// What the world measured of the best trial; nothing that was not measured.
+/// What was measured of the best trial; nothing that was not.
 fn trial_rows(data: &ReportData) -> Vec<(String, String)> {
-    let OutcomeMsg {
-        release_time_s,
-        release_speed_m_s,
-        release_spin_rad_s,
-        apex_m,
-        crossing_time_s,
-        flip_angle_rad,
-        distance_m,
-        lateral_m,
-        final_lateral_m,
-        bounce_s,
-        clipped_share,
-        ..
-    } = data.learnt_outcome;
     let trial = data.trials.iter().find(|trial| trial.rollout == data.learnt_rollout);
+    let Some(trial) = trial else { return Vec::new() };
+    let mut rows = vec![("reward".to_owned(), fixed(trial.reward, 3))];
+    if data.is_toss() {
+        rows.extend(toss_rows(&data.learnt_measures));
+    } else {
+        let finite = data.learnt_measures.iter().filter(|measure| measure.value.is_finite());
+        rows.extend(finite.map(|measure| (measure.name.to_owned(), measure.text())));
+    }
+    rows
+}
+
+/// Name of a measure, what it is called, what it is multiplied by, decimals and unit.
+type Shown = (&'static str, &'static str, f64, usize, &'static str);
+
+const DEGREES: f64 = 180.0 / std::f64::consts::PI;
+const AT_RELEASE: [Shown; 3] = [
+    ("release_time_s", "release at", 1.0, 2, " s"),
+    ("release_speed_m_s", "release speed", 1.0, 2, " m/s"),
+    ("release_spin_rad_s", "release spin", 1.0, 1, " rad/s"),
+];
+const AT_CROSSING: [Shown; 6] = [
+    ("crossing_time_s", "crossing at", 1.0, 2, " s"),
+    ("flip_angle_rad", "flip angle", DEGREES, 0, "°"),
+    ("distance_m", "distance of pan and pancake", 100.0, 1, " cm"),
+    ("lateral_m", "lateral miss", 100.0, 1, " cm"),
+    ("final_lateral_m", "final offset in the pan", 100.0, 1, " cm"),
+    ("bounce_s", "bouncing", 1e3, 0, " ms"),
+];
+
+/// Of a toss, in the order in which it happens.
+fn toss_rows(measures: &Measures) -> Vec<(String, String)> {
     let mut rows = Vec::new();
-    let mut add = |name: &str, value: f64, decimals, unit: &str| {
-        if value.is_finite() {
-            rows.push((name.to_owned(), format!("{}{unit}", fixed(value, decimals))));
+    let mut add = |shown: &[Shown]| {
+        for (name, called, factor, decimals, unit) in shown {
+            if let Some(value) = measures.get(name).filter(|value| value.is_finite()) {
+                let value = format!("{}{unit}", fixed(value * factor, *decimals));
+                rows.push(((*called).to_owned(), value));
+            }
         }
     };
-    if let Some(trial) = trial {
-        add("reward", trial.reward, 3, "");
-        add("apex above the start", apex_m, 2, " m");
+    add(&[("apex_m", "apex above the start", 1.0, 2, " m")]);
+    if time(measures, "release_time_s") > 0.0 {
+        add(&AT_RELEASE);
     }
-    if release_time_s > 0.0 {
-        add("release at", release_time_s, 2, " s");
-        add("release speed", release_speed_m_s, 2, " m/s");
-        add("release spin", release_spin_rad_s, 1, " rad/s");
+    if time(measures, "crossing_time_s") > 0.0 {
+        add(&AT_CROSSING);
     }
-    if crossing_time_s > 0.0 {
-        add("crossing at", crossing_time_s, 2, " s");
-        add("flip angle", flip_angle_rad * 180.0 / PI, 0, "°");
-        add("distance of pan and pancake", distance_m * 100.0, 1, " cm");
-        add("lateral miss", lateral_m * 100.0, 1, " cm");
-        add("final offset in the pan", final_lateral_m * 100.0, 1, " cm");
-        add("bouncing", bounce_s * 1e3, 0, " ms");
-    }
-    if trial.is_some() {
-        add("ticks with a clipped torque", clipped_share * 100.0, 1, " %");
-    }
+    add(&[("clipped_share", "ticks with a clipped torque", 100.0, 1, " %")]);
     rows
 }
 
@@ -173,13 +184,43 @@ pub fn trials(data: &ReportData) -> String {
         "miss, cm",
         "fault",
     ];
-    let (head, row): (Vec<&str>, fn(&TrialRow) -> String) = match &data.plane {
-        None => (FLIPS.to_vec(), trial_row),
-        Some(plane) => (vec!["rollout", "reward", plane.x.label, plane.y.label], action_row),
+    let (head, row): (Vec<String>, fn(&TrialRow) -> String) = match &data.pictures {
+        Pictures::Toss => (FLIPS.map(String::from).into(), trial_row),
+        Pictures::Plane(plane) => {
+            let head = ["rollout", "reward", plane.x.label, plane.y.label];
+            (head.map(String::from).into(), action_row)
+        }
+        Pictures::Plain => (measured_head(&data.trials), measured_row),
     };
-    let head: String = head.iter().map(|name| format!("<th scope=\"col\">{name}</th>")).collect();
+    let head: String =
+        head.iter().map(|name| format!("<th scope=\"col\">{}</th>", escape(name))).collect();
     let rows: String = data.trials.iter().map(row).collect();
     format!("<table class=\"trials\">\n<tr>{head}</tr>\n{rows}</table>\n")
+}
+
+fn measured_head(trials: &[TrialRow]) -> Vec<String> {
+    let measured = trials.iter().find(|trial| !trial.measures.is_empty());
+    let declared = measured.map_or_else(Vec::new, |trial| trial.measures.declared());
+    let names = declared.into_iter().map(|(name, unit)| match unit.as_str() {
+        "1" | TRUTH => name,
+        unit => format!("{name}, {unit}"),
+    });
+    let first = ["rollout", "reward", "success", "fault"].map(String::from).into_iter();
+    first.chain(names).collect()
+}
+
+fn measured_row(trial: &TrialRow) -> String {
+    let fault = if trial.fault == 0 { "–".to_owned() } else { trial.fault.to_string() };
+    let success = if trial.success { "yes" } else { "no" }.to_owned();
+    let first = [trial.rollout.to_string(), fixed(trial.reward, 3), success, fault];
+    let number = |measure: Measure<'_>| match measure.value.is_finite() {
+        true if measure.is_truth() => measure.text(),
+        true => fixed(measure.value, 3),
+        false => "–".to_owned(),
+    };
+    let cells = first.into_iter().chain(trial.measures.iter().map(number));
+    let cells: String = cells.map(|cell| format!("<td>{cell}</td>")).collect();
+    format!("<tr>{cells}</tr>\n")
 }
 
 fn action_row(trial: &TrialRow) -> String {
@@ -189,20 +230,22 @@ fn action_row(trial: &TrialRow) -> String {
 }
 
 fn trial_row(trial: &TrialRow) -> String {
-    let outcome = &trial.outcome;
-    let measured = |is_measured: bool, value: f64, decimals| {
-        if is_measured && value.is_finite() { fixed(value, decimals) } else { "–".to_owned() }
+    let of = |is_measured: bool, name, factor: f64, decimals| {
+        let value = trial.measures.get(name).filter(|value| is_measured && value.is_finite());
+        value.map_or("–".to_owned(), |value| fixed(value * factor, decimals))
     };
-    let (released, crossed) = (outcome.release_time_s > 0.0, outcome.crossing_time_s > 0.0);
+    let released = time(&trial.measures, "release_time_s") > 0.0;
+    let crossed = time(&trial.measures, "crossing_time_s") > 0.0;
+    let reward = if trial.reward.is_finite() { fixed(trial.reward, 3) } else { "–".to_owned() };
     let cells = [
         trial.rollout.to_string(),
-        measured(true, trial.reward, 3),
+        reward,
         if trial.success { "yes" } else { "no" }.to_owned(),
-        measured(released, outcome.release_speed_m_s, 2),
-        measured(released, outcome.release_spin_rad_s, 1),
-        measured(true, outcome.apex_m, 2),
-        measured(crossed, outcome.flip_angle_rad.to_degrees(), 0),
-        measured(crossed, outcome.lateral_m * 100.0, 1),
+        of(released, "release_speed_m_s", 1.0, 2),
+        of(released, "release_spin_rad_s", 1.0, 1),
+        of(true, "apex_m", 1.0, 2),
+        of(crossed, "flip_angle_rad", DEGREES, 0),
+        of(crossed, "lateral_m", 100.0, 1),
         if trial.fault == 0 { "–".to_owned() } else { trial.fault.to_string() },
     ];
     let cells: String = cells.iter().map(|cell| format!("<td>{cell}</td>")).collect();
@@ -216,13 +259,13 @@ mod tests {
 
     #[test]
     fn the_verdict_counts_the_last_twenty() {
-        let mut trials = sample::session(30).trials;
-        for (i, trial) in trials.iter_mut().enumerate() {
+        let mut data = sample::session(30);
+        for (i, trial) in data.trials.iter_mut().enumerate() {
             trial.success = i >= 8 && i % 2 == 0;
             trial.reward = if i == 25 { 1.307 } else { 0.5 };
         }
         assert_eq!(
-            verdict(&trials),
+            verdict(&data),
             "First caught flip at rollout 9; 10 of the last 20 rollouts succeed; best reward 1.31 \
              (rollout 26)."
         );
@@ -230,23 +273,24 @@ mod tests {
 
     #[test]
     fn the_verdict_of_short_sessions() {
-        let mut trials = sample::session(1).trials;
-        (trials[0].success, trials[0].reward) = (true, 1.0);
+        let mut data = sample::session(1);
+        (data.trials[0].success, data.trials[0].reward) = (true, 1.0);
         assert_eq!(
-            verdict(&trials),
+            verdict(&data),
             "First caught flip at rollout 1; 1 of 1 rollout succeeds; best reward 1.00 (rollout 1)."
         );
-        trials[0].success = false;
-        assert_eq!(verdict(&trials), "No caught flip in 1 rollout; best reward 1.00 (rollout 1).");
-        assert_eq!(verdict(&[]), "No rollout has been recorded yet.");
+        data.trials[0].success = false;
+        assert_eq!(verdict(&data), "No caught flip in 1 rollout; best reward 1.00 (rollout 1).");
+        data.trials.clear();
+        assert_eq!(verdict(&data), "No rollout has been recorded yet.");
     }
 
     #[test]
     fn shows_no_number_that_was_not_measured() {
         let mut data = sample::session(3);
-        data.learnt_outcome = OutcomeMsg::ZERO;
+        data.learnt_measures = sample::measures(&[]);
         assert!(trial_rows(&data).iter().all(|(name, _)| !name.contains("flip angle")));
-        data.trials[1].outcome = OutcomeMsg::ZERO;
+        data.trials[1].measures = sample::measures(&[]);
         assert!(trial_row(&data.trials[1]).contains("<td>–</td>"));
     }
 }

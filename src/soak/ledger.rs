@@ -79,7 +79,7 @@ fn durable_episodes(log: &Path, session_id: u64) -> Result<BTreeMap<u64, Vec<u64
 #[cfg(test)]
 mod tests {
     use super::*;
-    use shm_types::episode::OutcomeMsg;
+    use shm_types::measures::Measures;
 
     fn trial(rollout: u64, boot_id: u64) -> TrialRecord {
         TrialRecord {
@@ -93,7 +93,7 @@ mod tests {
             fault: 0,
             n_records: 0,
             set_aside: false,
-            outcome: OutcomeMsg::ZERO,
+            measures: Measures::NONE,
         }
     }
 

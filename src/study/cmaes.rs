@@ -4,11 +4,11 @@
 //! The crate asks and tells in one call. As it is seeded, a run is made again with the costs told so
 //! far; where they end it stands in the next generation, whose points are what is asked for.
 
-use search::normals::{standard_normal, stream};
-use search::{Mode, Search, SearchSnapshot, Space};
-use search::trial::{Proposal, Trial};
 use nalgebra::{DMatrix, DVector};
 use rand::{Rng, RngExt};
+use search::normals::{standard_normal, stream};
+use search::trial::{Proposal, Trial};
+use search::{Mode, Search, SearchSnapshot, Space};
 
 /// Settings; standard deviations in units of θ.
 #[derive(Clone, Copy, Debug, PartialEq)]

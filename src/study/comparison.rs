@@ -2,11 +2,11 @@
 //! are told a box: without one the landscape has to be crossed from a corner.
 
 use anyhow::Result;
-use search::{Bounds, Method, Search, SearchConfig, Space, build};
-use search::trial::Trial;
 use nalgebra::DVector;
 use physics::landscape;
 use physics::skittles::TARGETS;
+use search::trial::Trial;
+use search::{Bounds, Method, Search, SearchConfig, Space, build};
 
 use super::contender::{self, CONTENDERS};
 use super::landscape::{N_TRIALS, START, point};

@@ -1,6 +1,8 @@
 //! The methods of the comparison, and the settings from which each is tuned: as many random ones
 //! for every method, from ranges that hold the usual values for a space about ten units wide.
 
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
 use search::batch::BatchConfig;
 use search::cem::CemConfig;
 use search::enac::EnacConfig;
@@ -12,8 +14,6 @@ use search::random::RandomConfig;
 use search::reinforce::ReinforceConfig;
 use search::rwr::RwrConfig;
 use search::{Method, Search, SearchConfig, Space, build};
-use rand::RngExt;
-use rand_chacha::ChaCha8Rng;
 
 use super::cmaes::{Cma, CmaConfig};
 

@@ -4,13 +4,13 @@
 use std::time::Instant;
 
 use anyhow::Result;
+use nalgebra::{DMatrix, DVector};
+use rand_chacha::ChaCha8Rng;
 use search::gaussian::Gaussian;
 use search::mixture::{About, Component, EmStep, Mixture};
 use search::normals::{standard_normal, stream};
-use search::{Method, SearchConfig, Space, build};
 use search::trial::Trial;
-use nalgebra::{DMatrix, DVector};
-use rand_chacha::ChaCha8Rng;
+use search::{Method, SearchConfig, Space, build};
 
 use super::Sample;
 

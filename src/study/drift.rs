@@ -1,12 +1,12 @@
 //! A reward that drifts (Sec. 4.1): the landscape moves away under a search that has converged.
 
 use anyhow::Result;
+use nalgebra::Vector2;
+use physics::landscape::{PEAK, PEAK_VALUE, height};
 use search::Search;
 use search::algorithm1::{Algorithm1, Algorithm1Config};
 use search::tempered::{Tempered, TemperedConfig};
 use search::trial::Trial;
-use nalgebra::Vector2;
-use physics::landscape::{PEAK, PEAK_VALUE, height};
 
 use super::Sample;
 use super::landscape::{near, point, run, space};

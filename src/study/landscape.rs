@@ -1,12 +1,12 @@
 //! The landscape of Sec. 4.2's first experiment: Algorithm 1 as printed against the tempered search.
 
 use anyhow::Result;
-use search::algorithm1::{Algorithm1, Algorithm1Config};
-use search::tempered::{Tempered, TemperedConfig};
-use search::{Mode, Search, Space};
-use search::trial::Trial;
 use nalgebra::{DVector, Vector2};
 use physics::landscape::{PEAK, PEAK_VALUE, height};
+use search::algorithm1::{Algorithm1, Algorithm1Config};
+use search::tempered::{Tempered, TemperedConfig};
+use search::trial::Trial;
+use search::{Mode, Search, Space};
 
 use super::Sample;
 use super::runs::{self, best_reward, late_reward};

@@ -1,8 +1,8 @@
 //! Algorithm 1 as printed, on the landscape of Sec. 4.2: the paper's system before any change.
 
 use anyhow::Result;
-use search::algorithm1::{Algorithm1, Algorithm1Config};
 use physics::landscape::height;
+use search::algorithm1::{Algorithm1, Algorithm1Config};
 
 use super::Sample;
 use super::landscape::{N_TRIALS, run, samples, space};

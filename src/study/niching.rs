@@ -1,10 +1,10 @@
 //! The niching search on F1 to F10 of the CEC 2013 competition, within the competition's budgets.
 
 use anyhow::Result;
-use search::niching::{Niching, NichingConfig};
-use search::{Bounds, Search, Space};
-use search::trial::Trial;
 use physics::niching::{PROBLEMS, Problem};
+use search::niching::{Niching, NichingConfig};
+use search::trial::Trial;
+use search::{Bounds, Search, Space};
 
 use super::Sample;
 

@@ -3,26 +3,27 @@
 
 use anyhow::{Context, Result};
 use learner::exploration::ExplorationKind;
+use learner::judge::Judge;
 use learner::problem::Problem;
 use learner::reward::RewardKind;
-use search::Search;
-use search::normals::stream;
-use search::power::{Elites, PowerConfig, Scatter, Weights};
 use learner::summary::LATE_TRIALS;
-use search::trial::{Proposal, Trial};
 use learner::{Demonstration, LearnerConfig};
 use nalgebra::DVector;
 use physics::arm::ArmModel;
-use physics::outcome::OutcomeConfig;
 use physics::pancake::{PancakeConfig, PancakePlant};
+use physics::referee::{Referee, Toss, TossConfig};
 use rand::RngExt;
 use rt_controller::run::Controlled;
 use rt_controller::simulate::simulate;
-use shm_types::episode::{OUTCOME_SUCCESS, OutcomeMsg};
+use search::Search;
+use search::normals::stream;
+use search::power::{Elites, PowerConfig, Scatter, Weights};
+use search::trial::{Proposal, Trial};
+use shm_types::episode::{EpisodeHeader, MAX_RECORDS, TickRecord};
 
 use super::Sample;
 use crate::config::Config;
-use crate::setup;
+use crate::{judging, setup};
 
 /// Perturbed rollouts that judge an answer.
 const N_PERTURBED: u64 = 20;
@@ -106,10 +107,10 @@ fn run_method(method: &Method, seed: u64) -> Result<Vec<Sample>> {
     let demonstrations = setup::demonstrations(&bench.config)?;
     let (successes, answer) = learn(&bench, &demonstrations, method.perturbed)?;
 
-    let judged: Result<Vec<OutcomeMsg>> = (0..N_PERTURBED)
-        .map(|n| bench.rollout(&answer.0, &answer.1, &bench.perturbed(seed, JUDGING + n)))
+    let judged: Result<Vec<bool>> = (0..N_PERTURBED)
+        .map(|n| Ok(bench.rollout(&answer.0, &answer.1, &bench.perturbed(seed, JUDGING + n))?.0))
         .collect();
-    let robust = judged?.iter().filter(|outcome| outcome.has(OUTCOME_SUCCESS)).count();
+    let robust = judged?.into_iter().filter(|success| *success).count();
     let first = successes.iter().position(|success| *success).map(|at| at as u64 + 1);
     let late = &successes[successes.len().saturating_sub(LATE_TRIALS)..];
     let late_rate = late.iter().filter(|success| **success).count() as f64 / late.len() as f64;
@@ -142,8 +143,7 @@ fn learn(
         let Proposal { theta, .. } = search.ask(rollout);
         let world =
             if perturbed { bench.perturbed(config.seed, LEARNING + rollout) } else { bench.world };
-        let outcome = bench.rollout(&problem, &theta, &world)?;
-        let (reward, success) = (config.reward.reward(&outcome), outcome.has(OUTCOME_SUCCESS));
+        let (success, reward) = bench.rollout(&problem, &theta, &world)?;
         search.tell(&Trial { rollout, theta, reward, success });
         successes.push(success);
     }
@@ -158,13 +158,15 @@ struct Bench {
     arm: ArmModel,
     model: ArmModel,
     world: PancakeConfig,
+    judge: Judge,
 }
 
 impl Bench {
     fn new(config: Config, wrong_mass: bool) -> Result<Bench> {
         let (arm, world) = (setup::arm(&config)?, config.plant.world(config.controller.period_s()));
         let model = if wrong_mass { light_pan(&config)? } else { setup::arm(&config)? };
-        Ok(Bench { config, arm, model, world })
+        let judge = judging::judge(&config)?;
+        Ok(Bench { config, arm, model, world, judge })
     }
 
     /// The world with another pancake: start ±1 cm, mass ±10 %, friction ±20 %.
@@ -180,19 +182,23 @@ impl Bench {
         }
     }
 
+    /// Success and reward.
     fn rollout(
         &self,
         problem: &Problem,
         theta: &DVector<f64>,
         world: &PancakeConfig,
-    ) -> Result<OutcomeMsg> {
+    ) -> Result<(bool, f64)> {
         let policy = problem.decode(theta, Default::default());
-        let q0 = self.config.plant.start_posture();
+        let (q0, config) = (self.config.plant.start_posture(), &self.config.controller);
         let mut plant = PancakePlant::new(&self.arm, &q0, world);
-        let outcome = OutcomeConfig { pan_radius: world.pan_radius, ..OutcomeConfig::default() };
-        let mut controlled = Controlled { model: &self.model, plant: &mut plant, q0, outcome };
-        let rollout = simulate(&mut controlled, &self.config.controller, &policy, &mut [])?;
-        Ok(rollout.outcome)
+        let referee = Referee::Toss(Toss::new(&TossConfig::default()));
+        let mut controlled = Controlled { model: &self.model, plant: &mut plant, q0, referee };
+        let mut records = vec![TickRecord::ZERO; MAX_RECORDS];
+        let rollout = simulate(&mut controlled, config, &policy, &mut records)?;
+        let records = &records[..rollout.n_records];
+        let (_, success, reward) = self.judge.judge(&EpisodeHeader::default(), records)?;
+        Ok((success, reward))
     }
 }
 

@@ -2,9 +2,9 @@
 //! regions, on the worlds of Sec. 4.2 in their boxes.
 
 use anyhow::Result;
+use physics::landscape::PEAK_VALUE;
 use search::regions::{Estimator, RegionsConfig};
 use search::{Method, Mode, SearchConfig, build};
-use physics::landscape::PEAK_VALUE;
 
 use super::Sample;
 use super::comparison::Task;

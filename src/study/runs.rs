@@ -1,9 +1,9 @@
 //! Whole runs of a search in this process: the one loop of ask and tell all studies share.
 
 use anyhow::Result;
-use search::{Method, Mode, Search, SearchConfig, Space, build};
-use search::trial::Trial;
 use nalgebra::DVector;
+use search::trial::Trial;
+use search::{Method, Mode, Search, SearchConfig, Space, build};
 
 use super::comparison::Task;
 

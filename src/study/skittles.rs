@@ -3,9 +3,9 @@
 use std::collections::BTreeSet;
 use std::sync::OnceLock;
 
-use search::{Bounds, Mode};
 use nalgebra::DVector;
 use physics::skittles::{BOX, SkittlesConfig, TARGETS, Throw};
+use search::{Bounds, Mode};
 
 /// λ of the reward exp(−λ d), 1/m.
 const LAMBDA: f64 = 3.0;

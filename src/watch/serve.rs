@@ -60,7 +60,7 @@ pub fn run(
                 Seen::Policy(policy) => scribe.policy(&policy),
                 Seen::Outcome(header) => scribe.outcome(&header),
                 Seen::Trial(news) => {
-                    scribe.trial(&Trial::from(&*news));
+                    scribe.trial(&Trial::from(&*news), &news.measures);
                     if let Some(mixture) = Mixture::of_news(&news) {
                         scribe.mixture(&mixture);
                     }

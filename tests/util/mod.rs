@@ -80,7 +80,11 @@ impl Bench {
     }
 
     pub fn trials(&self, session: &str) -> Vec<TrialRecord> {
-        Store::open(&self.path(session).join("session.db")).unwrap().trials().unwrap()
+        self.store(session).trials().unwrap()
+    }
+
+    pub fn store(&self, session: &str) -> Store {
+        Store::open(&self.path(session).join("session.db")).unwrap()
     }
 
     /// Waits until the session holds at least `n` trials.

@@ -1,9 +1,12 @@
 //! Rollouts that were not executed, or gave nothing to learn from: counted all the same.
 
-use shm_types::episode::{FAULT_POLICY_REFUSED, OutcomeMsg};
+use shm_types::episode::{EpisodeHeader, FAULT_POLICY_REFUSED, TickRecord};
+use shm_types::measures::Measures;
 
 use super::Learner;
 use crate::error::CompleteError;
+use crate::judge::JudgeError;
+use crate::path::decimate;
 use crate::store::TrialRecord;
 use crate::summary::TrialReport;
 use search::trial::Proposal;
@@ -17,10 +20,44 @@ impl Learner {
         self.record(trial, &[])
     }
 
+    /// Gives up on the pending rollout, which was executed but has no verdict: its measures and its
+    /// path are stored, so that it can be judged another time.
+    pub fn not_judged(
+        &mut self,
+        header: &EpisodeHeader,
+        records: &[TickRecord],
+        error: &JudgeError,
+    ) -> Result<TrialReport, CompleteError> {
+        let measures = match error {
+            JudgeError::Verdict { measures, .. } => **measures,
+            _ => Measures::NONE,
+        };
+        let trial = TrialRecord {
+            set_aside: true,
+            boot_id: header.boot_id,
+            applied_tick: header.applied_tick,
+            fault: header.fault,
+            n_records: header.n_records,
+            measures,
+            ..self.not_executed()?
+        };
+        let records = header.validate(records)?;
+        self.note("not judged", trial.rollout, &error.to_string())?;
+        self.record(trial, &decimate(records))
+    }
+
+    /// How many of the newest trials, without a break, were set aside.
+    pub fn set_aside_in_a_row(&self) -> u64 {
+        self.trials.iter().rev().take_while(|trial| trial.set_aside).count() as u64
+    }
+
     /// Counts the pending rollout, whose policy the controller refused: like any other failure of a
-    /// policy it is a trial, without reward, and the session goes on.
+    /// policy it is a trial, and the session goes on. It is worth nothing, and where rewards are
+    /// negative no more than the worst so far.
     pub fn refused(&mut self, reason: &str) -> Result<TrialReport, CompleteError> {
-        let trial = TrialRecord { fault: FAULT_POLICY_REFUSED, ..self.not_executed()? };
+        let rewards = self.trials.iter().filter(|trial| !trial.set_aside).map(|trial| trial.reward);
+        let reward = rewards.fold(0.0, f64::min);
+        let trial = TrialRecord { fault: FAULT_POLICY_REFUSED, reward, ..self.not_executed()? };
         self.note("refused", trial.rollout, reason)?;
         self.search.tell(&trial.trial())?;
         self.record(trial, &[])
@@ -35,6 +72,7 @@ impl Learner {
             rollout: proposal.rollout,
             theta: proposal.theta.clone(),
             reward: 0.0,
+            success: false,
             policy_id: policy.policy_id,
             policy_digest: policy.digest,
             boot_id: 0,
@@ -42,7 +80,7 @@ impl Learner {
             fault: 0,
             n_records: 0,
             set_aside: false,
-            outcome: OutcomeMsg::ZERO,
+            measures: Measures::NONE,
         })
     }
 

@@ -89,6 +89,12 @@ pub enum SessionError {
     )]
     Unusable { rollouts: u32, last: u64, reason: String },
     #[error(
+        "{rollouts} rollouts in a row, up to {last}, were executed but not judged; the last one: \
+         {reason}; everything is saved; mend the judge and start another session, or see \
+         `skillet judge --again`"
+    )]
+    NoneJudged { rollouts: u64, last: u64, reason: String },
+    #[error(
         "the controller refused the policy of rollout {rollout}, which is the demonstration itself: \
          {reason}; change the demonstration, or the setting that the reason names"
     )]

@@ -58,8 +58,9 @@ impl News {
             rollouts: learner.rollouts(),
             policy_digest: trial.policy_digest,
             fault: trial.fault,
-            flags: flag(TRIAL_SUCCESS, trial.success()) | flag(TRIAL_SET_ASIDE, trial.set_aside),
+            flags: flag(TRIAL_SUCCESS, trial.success) | flag(TRIAL_SET_ASIDE, trial.set_aside),
             reward: trial.reward,
+            measures: trial.measures,
             n_modes: self.modes.len() as u64,
             modes,
         };

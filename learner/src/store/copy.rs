@@ -144,7 +144,7 @@ fn restore(path: &Path, copy: Store) -> Result<(), StoreError> {
 }
 
 /// Writes what `from` holds to the file `to`: whole or not at all.
-fn replace(from: &Connection, to: &Path) -> rusqlite::Result<()> {
+pub(super) fn replace(from: &Connection, to: &Path) -> rusqlite::Result<()> {
     let draft = to.with_extension("new");
     for suffix in ["", "-wal", "-shm"] {
         // Of an earlier attempt, or of the file that is replaced.

@@ -7,6 +7,7 @@ use rusqlite::{Connection, OptionalExtension, Transaction};
 use super::StoreError;
 use super::rows::{from_hex, hex};
 use crate::config::LearnerConfig;
+use crate::judge::Declared;
 
 /// Identity and configuration of a session.
 #[derive(Clone, Debug, PartialEq)]
@@ -16,6 +17,8 @@ pub struct SessionMeta {
     pub session_id: u64,
     /// The effective configuration file, for people.
     pub config_toml: String,
+    /// Names and units of what is measured of every trial, in order.
+    pub measures: Declared,
     /// The learner's part of it, which decides what may be resumed.
     pub learner: LearnerConfig,
 }
@@ -30,11 +33,17 @@ pub(super) fn write(transaction: &Transaction<'_>, meta: &SessionMeta) -> rusqli
         ("task_dim", meta.learner.task_dim.to_string()),
         ("n_components", meta.learner.n_components.to_string()),
         ("config_toml", meta.config_toml.clone()),
+        ("measures", measures_text(&meta.measures)),
         ("learner", learner),
     ] {
         transaction.execute("INSERT INTO meta (key, value) VALUES (?1, ?2)", [key, &value])?;
     }
     Ok(())
+}
+
+/// As it stands in `meta`: `[["apex_m", "m"], …]`.
+pub(super) fn measures_text(declared: &Declared) -> String {
+    serde_json::to_string(declared).expect("names and units are plain data")
 }
 
 /// Reads the identity of the session in the file `path`.
@@ -51,6 +60,8 @@ pub(super) fn read(connection: &Connection, path: &Path) -> Result<SessionMeta, 
         session_id: from_hex(&session_id)
             .ok_or_else(|| corrupt(format!("session_id is `{session_id}`")))?,
         config_toml: text("config_toml")?,
+        measures: serde_json::from_str(&text("measures")?)
+            .map_err(|error| corrupt(format!("meta `measures`: {error}")))?,
         learner: serde_json::from_str(&text("learner")?)
             .map_err(|error| corrupt(format!("meta `learner`: {error}")))?,
     })

@@ -2,6 +2,7 @@
 //!
 //! Write-ahead log with full synchronisation: what a call has returned from survives a power cut.
 
+mod convert;
 mod copy;
 mod error;
 mod meta;
@@ -29,7 +30,7 @@ use search::trial::Proposal;
 use shm_types::policy_json;
 
 /// Format of the session file; raised whenever an older program could not read it.
-pub const FORMAT_VERSION: i64 = 3;
+pub const FORMAT_VERSION: i64 = 4;
 /// "SKLT" in the file's header: how `file` and [`Store::open`] recognise a session.
 const APPLICATION_ID: i64 = 0x534b_4c54;
 /// How long to wait for another program's short transaction.
@@ -101,13 +102,15 @@ impl Store {
         Ok(store)
     }
 
-    /// Opens a session to look at it, and checks its identity, format and integrity.
+    /// Opens a session to look at it, and checks its identity, format and integrity. One of the
+    /// format before is converted, and kept as it was beside it.
     pub fn open(path: &Path) -> Result<Self, StoreError> {
         if !path.exists() {
             return Err(StoreError::Missing { path: path.into() });
         }
         let sql = |error| StoreError::from_sql(path, error);
-        let connection = connect(path, OpenFlags::SQLITE_OPEN_READ_WRITE).map_err(sql)?;
+        let mut connection = connect(path, OpenFlags::SQLITE_OPEN_READ_WRITE).map_err(sql)?;
+        convert::from_format_3(&mut connection, path)?;
         let pragma = |name| connection.pragma_query_value(None, name, |row| row.get::<_, i64>(0));
         if pragma("application_id").map_err(sql)? != APPLICATION_ID {
             return Err(StoreError::NotSkillet { path: path.into() });

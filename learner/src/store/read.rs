@@ -1,6 +1,9 @@
 //! Reading a session: trials, policies, paths, and the state to resume from.
 
+use std::collections::HashMap;
+
 use rusqlite::OptionalExtension;
+use shm_types::measures::{Measure, Measures};
 use shm_types::policy::PolicyMsg;
 
 use super::rows::{
@@ -38,7 +41,49 @@ impl Store {
         let query = format!("SELECT {TRIAL_COLUMNS} FROM trials ORDER BY rollout");
         let mut statement = self.sql(self.connection.prepare(&query))?;
         let rows = self.sql(statement.query_map([], trial_from_row))?;
-        rows.map(|row| self.sql(row)?.map_err(|detail| self.corrupt(detail))).collect()
+        let trials = rows.map(|row| self.sql(row)?.map_err(|detail| self.corrupt(detail)));
+        let mut trials = trials.collect::<Result<Vec<TrialRecord>, StoreError>>()?;
+        let mut measures = self.measures()?;
+        for trial in &mut trials {
+            if let Some(values) = measures.remove(&trial.rollout) {
+                trial.measures = self.measured(trial.rollout, &values)?;
+            }
+        }
+        Ok(trials)
+    }
+
+    /// What was measured of each trial, by name.
+    fn measures(&self) -> Result<HashMap<u64, HashMap<String, f64>>, StoreError> {
+        let query = "SELECT rollout, name, value FROM measures";
+        let mut statement = self.sql(self.connection.prepare(query))?;
+        let rows = self.sql(statement.query_map([], |row| {
+            Ok((integer(row.get(0)?), row.get::<_, String>(1)?, row.get::<_, f64>(2)?))
+        }))?;
+        let mut measures: HashMap<u64, HashMap<String, f64>> = HashMap::new();
+        for row in rows {
+            let (rollout, name, value) = self.sql(row)?;
+            measures.entry(rollout).or_default().insert(name, value);
+        }
+        Ok(measures)
+    }
+
+    /// The measures of a trial as the session declares them: all of them, and no others.
+    fn measured(
+        &self,
+        rollout: u64,
+        values: &HashMap<String, f64>,
+    ) -> Result<Measures, StoreError> {
+        let declared = &self.meta.measures;
+        let damaged = |why: String| self.corrupt(format!("measures of trial {rollout}: {why}"));
+        let all = declared.iter().map(|(name, unit)| {
+            let value = values.get(name).ok_or_else(|| damaged(format!("{name} is missing")))?;
+            Ok(Measure { name, unit, value: *value })
+        });
+        let all = all.collect::<Result<Vec<Measure>, StoreError>>()?;
+        if values.len() > all.len() {
+            return Err(damaged(format!("{} instead of {}", values.len(), all.len())));
+        }
+        Measures::of(all).map_err(|error| damaged(error.to_string()))
     }
 
     pub fn trial_count(&self) -> Result<u64, StoreError> {

@@ -2,7 +2,8 @@
 
 use nalgebra::DVector;
 use rusqlite::{Row, Transaction, named_params, params};
-use shm_types::episode::{FAULT_POLICY_REFUSED, OUTCOME_SUCCESS, OutcomeMsg};
+use shm_types::episode::FAULT_POLICY_REFUSED;
+use shm_types::measures::Measures;
 use shm_types::policy::PolicyMsg;
 
 use crate::path::{self, PathRow};
@@ -35,6 +36,7 @@ pub struct TrialRecord {
     pub rollout: u64,
     pub theta: DVector<f64>,
     pub reward: f64,
+    pub success: bool,
     pub policy_id: u64,
     pub policy_digest: u64,
     /// Start of the controller that ran it; `applied_tick` counts from there.
@@ -42,33 +44,30 @@ pub struct TrialRecord {
     pub applied_tick: u64,
     pub fault: u64,
     pub n_records: u64,
-    /// It gave no usable episode; the search was not told.
+    /// It gave no usable episode, or no verdict; the search was not told.
     pub set_aside: bool,
-    pub outcome: OutcomeMsg,
+    /// Those of the session, or none where nothing was executed.
+    pub measures: Measures,
 }
 
 impl TrialRecord {
-    pub fn success(&self) -> bool {
-        self.outcome.has(OUTCOME_SUCCESS)
-    }
-
     /// There was a rollout, whatever came of it.
     pub fn was_executed(&self) -> bool {
         !self.set_aside && self.fault != FAULT_POLICY_REFUSED
     }
 
-    /// Everything that must not depend on pace, interruption or time of day, as bits: rollout, flags,
-    /// records, reward, outcome, θ.
+    /// Everything that must not depend on pace, interruption or time of day, as bits: rollout, success,
+    /// records, reward, measures, θ.
     pub fn bits(&self) -> Vec<u64> {
-        let outcome = self.outcome.fields().map(|(_, x)| x);
-        let numbers = [self.reward].into_iter().chain(outcome).chain(self.theta.iter().copied());
-        let counts = [self.rollout, self.outcome.flags, self.n_records];
+        let measures = self.measures.iter().map(|measure| measure.value);
+        let numbers = [self.reward].into_iter().chain(measures).chain(self.theta.iter().copied());
+        let counts = [self.rollout, self.success.into(), self.n_records];
         counts.into_iter().chain(numbers.map(f64::to_bits)).collect()
     }
 
     pub fn trial(&self) -> Trial {
         let (rollout, theta, reward) = (self.rollout, self.theta.clone(), self.reward);
-        Trial { rollout, theta, reward, success: self.success() }
+        Trial { rollout, theta, reward, success: self.success }
     }
 
     /// Those of `records` that the search was told.
@@ -86,34 +85,15 @@ pub struct Event {
 
 /// Columns of `trials` in the order [`trial_from_row`] reads them.
 pub(super) const TRIAL_COLUMNS: &str = "rollout, theta, reward, policy_id, policy_digest, boot_id, \
-     applied_tick, fault, n_records, set_aside, outcome_flags, value, release_time_s, \
-     release_speed_m_s, \
-     release_spin_rad_s, apex_m, crossing_time_s, flip_angle_rad, distance_m, lateral_m, \
-     final_lateral_m, release_pitch_rate_rad_s, bounce_s, clipped_share";
+     applied_tick, fault, n_records, set_aside, success";
 
-/// A trial; the error says which value is damaged.
+/// A trial without its measures; the error says which value is damaged.
 pub(super) fn trial_from_row(row: &Row<'_>) -> rusqlite::Result<Result<TrialRecord, String>> {
     let rollout = integer(row.get(0)?);
     let theta = vector(&row.get::<_, Vec<u8>>(1)?);
     let (digest, boot_id) =
         (from_hex(&row.get::<_, String>(4)?), from_hex(&row.get::<_, String>(5)?));
     let reward: f64 = row.get(2)?;
-    let outcome = OutcomeMsg {
-        flags: integer(row.get(10)?),
-        value: row.get(11)?,
-        release_time_s: row.get(12)?,
-        release_speed_m_s: row.get(13)?,
-        release_spin_rad_s: row.get(14)?,
-        apex_m: row.get(15)?,
-        crossing_time_s: row.get(16)?,
-        flip_angle_rad: row.get(17)?,
-        distance_m: row.get(18)?,
-        lateral_m: row.get(19)?,
-        final_lateral_m: row.get(20)?,
-        release_pitch_rate_rad_s: row.get(21)?,
-        bounce_s: row.get(22)?,
-        clipped_share: row.get(23)?,
-    };
     let (Some(theta), Some(policy_digest), Some(boot_id)) = (theta, digest, boot_id) else {
         return Ok(Err(format!("trial {rollout}: theta, policy_digest or boot_id is damaged")));
     };
@@ -124,6 +104,7 @@ pub(super) fn trial_from_row(row: &Row<'_>) -> rusqlite::Result<Result<TrialReco
         rollout,
         theta,
         reward,
+        success: row.get(10)?,
         policy_id: integer(row.get(3)?),
         policy_digest,
         boot_id,
@@ -131,7 +112,7 @@ pub(super) fn trial_from_row(row: &Row<'_>) -> rusqlite::Result<Result<TrialReco
         fault: integer(row.get(7)?),
         n_records: integer(row.get(8)?),
         set_aside: row.get(9)?,
-        outcome,
+        measures: Measures::NONE,
     }))
 }
 
@@ -161,13 +142,9 @@ pub(super) fn insert_trial(
     path: &[PathRow],
 ) -> rusqlite::Result<()> {
     let query = format!(
-        "INSERT INTO trials ({TRIAL_COLUMNS}, success, path) VALUES (:rollout, :theta, :reward, \
-         :policy_id, :policy_digest, :boot_id, :applied_tick, :fault, :n_records, :set_aside, \
-         :flags, :value, :release_time_s, :release_speed_m_s, :release_spin_rad_s, :apex_m, \
-         :crossing_time_s, :flip_angle_rad, :distance_m, :lateral_m, :final_lateral_m, \
-         :release_pitch_rate_rad_s, :bounce_s, :clipped_share, :success, :path)"
+        "INSERT INTO trials ({TRIAL_COLUMNS}, path) VALUES (:rollout, :theta, :reward, :policy_id, \
+         :policy_digest, :boot_id, :applied_tick, :fault, :n_records, :set_aside, :success, :path)"
     );
-    let outcome = &trial.outcome;
     transaction.execute(
         &query,
         named_params! {
@@ -181,24 +158,15 @@ pub(super) fn insert_trial(
             ":fault": signed(trial.fault),
             ":n_records": signed(trial.n_records),
             ":set_aside": trial.set_aside,
-            ":flags": signed(outcome.flags),
-            ":value": outcome.value,
-            ":release_time_s": outcome.release_time_s,
-            ":release_speed_m_s": outcome.release_speed_m_s,
-            ":release_spin_rad_s": outcome.release_spin_rad_s,
-            ":apex_m": outcome.apex_m,
-            ":crossing_time_s": outcome.crossing_time_s,
-            ":flip_angle_rad": outcome.flip_angle_rad,
-            ":distance_m": outcome.distance_m,
-            ":lateral_m": outcome.lateral_m,
-            ":final_lateral_m": outcome.final_lateral_m,
-            ":release_pitch_rate_rad_s": outcome.release_pitch_rate_rad_s,
-            ":bounce_s": outcome.bounce_s,
-            ":clipped_share": outcome.clipped_share,
-            ":success": trial.success(),
+            ":success": trial.success,
             ":path": path::encode(path),
         },
     )?;
+    let query = "INSERT INTO measures (rollout, name, value) VALUES (?1, ?2, ?3)";
+    let mut statement = transaction.prepare_cached(query)?;
+    for measure in trial.measures.iter() {
+        statement.execute(params![signed(trial.rollout), measure.name, measure.value])?;
+    }
     Ok(())
 }
 

@@ -39,21 +39,17 @@ CREATE TABLE trials (
     applied_tick INTEGER NOT NULL,
     fault INTEGER NOT NULL,
     n_records INTEGER NOT NULL,
-    outcome_flags INTEGER NOT NULL,
-    value REAL NOT NULL,
-    release_time_s REAL NOT NULL,
-    release_speed_m_s REAL NOT NULL,
-    release_spin_rad_s REAL NOT NULL,
-    apex_m REAL NOT NULL,
-    crossing_time_s REAL NOT NULL,
-    flip_angle_rad REAL NOT NULL,
-    distance_m REAL NOT NULL,
-    lateral_m REAL NOT NULL,
-    final_lateral_m REAL NOT NULL,
-    release_pitch_rate_rad_s REAL NOT NULL,
-    bounce_s REAL NOT NULL,
-    clipped_share REAL NOT NULL,
     path BLOB NOT NULL
+) STRICT;
+
+-- What was measured of a trial; none where nothing was executed. Names and units, in order, are
+-- `measures` in meta.
+CREATE TABLE measures (
+    rollout INTEGER NOT NULL REFERENCES trials (rollout),
+    name TEXT NOT NULL,
+    seal INTEGER,
+    value REAL NOT NULL,
+    PRIMARY KEY (rollout, name)
 ) STRICT;
 
 -- The state of the search after a trial: the distribution of the next proposal.

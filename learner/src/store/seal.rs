@@ -8,8 +8,17 @@ use rusqlite::{Connection, Transaction};
 use shm_types::Digest;
 
 /// Every table; each has a column `seal` over all its others.
-const TABLES: [&str; 8] =
-    ["meta", "policies", "proposals", "trials", "searches", "modes", "forbidden", "events"];
+const TABLES: [&str; 9] = [
+    "meta",
+    "policies",
+    "proposals",
+    "trials",
+    "measures",
+    "searches",
+    "modes",
+    "forbidden",
+    "events",
+];
 
 /// Teaches a connection the SQL function `row_digest(value, …)`.
 pub(super) fn teach(connection: &Connection) -> rusqlite::Result<()> {

@@ -2,7 +2,7 @@
 //! with a message that says what to do.
 
 use nalgebra::DVector;
-use shm_types::episode::{OUTCOME_SUCCESS, OutcomeMsg};
+use shm_types::measures::{Measure, Measures, TRUTH};
 use tempfile::TempDir;
 
 use super::*;
@@ -14,8 +14,15 @@ fn meta() -> SessionMeta {
         task: "pancake".into(),
         session_id: u64::MAX - 1,
         config_toml: "[learner]\nseed = 3\n".into(),
+        measures: measures().declared(),
         learner: LearnerConfig { seed: 3, kappa_p: 0.1 + 0.2 + 200.0, ..Default::default() },
     }
+}
+
+fn measures() -> Measures {
+    let caught = Measure { name: "caught", unit: TRUTH, value: 1.0 };
+    let lateral = Measure { name: "lateral_m", unit: "m", value: -0.1 };
+    Measures::of([caught, lateral, Measure { name: "apex_m", unit: "m", value: 0.7 }]).unwrap()
 }
 
 pub(super) fn policy(policy_id: u64) -> PolicyMsg {
@@ -35,6 +42,7 @@ pub(super) fn record(rollout: u64) -> TrialRecord {
         rollout,
         theta: proposal(rollout).theta,
         reward: 1.0 / 3.0,
+        success: true,
         policy_id: rollout,
         policy_digest: policy(rollout).digest,
         boot_id: u64::MAX,
@@ -42,12 +50,7 @@ pub(super) fn record(rollout: u64) -> TrialRecord {
         fault: 2,
         n_records: 25,
         set_aside: false,
-        outcome: OutcomeMsg {
-            flags: OUTCOME_SUCCESS,
-            apex_m: 0.7,
-            lateral_m: -0.1,
-            ..OutcomeMsg::ZERO
-        },
+        measures: measures(),
     }
 }
 

@@ -44,9 +44,13 @@ impl Plant for PancakePlant {
 
     /// Builds a fresh world: putting the old one back in place is not bit-identical, because
     /// Rapier keeps contacts, warm starts and its broad phase.
-    fn reset(&mut self) {
+    fn begin_reset(&mut self) {
         self.tau = JointVector::zeros();
         self.scene = Scene::new(&self.model, &self.q0, &self.config);
+    }
+
+    fn is_ready(&self) -> bool {
+        true
     }
 
     fn measure(&self) -> Measurement {

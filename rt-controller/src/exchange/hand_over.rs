@@ -4,8 +4,8 @@
 use std::sync::Arc;
 
 use shm_types::channel::EpisodeLoan;
-use shm_types::episode::{EpisodeHeader, OUTCOME_SUCCESS};
-use shm_types::policy::PolicyName;
+use shm_types::episode::{Ack, EpisodeHeader};
+use shm_types::policy::{PolicyMsg, PolicyName};
 use shm_types::reason;
 
 use crate::disk::spool::{Spool, Spooled};
@@ -77,15 +77,28 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
         if in_flight.swapped && done.fault.blames_policy() {
             self.fault_in_service(&name, done.fault);
         }
-        if fault == Fault::None && done.outcome.has(OUTCOME_SUCCESS) {
-            self.to_prove = Some(in_flight.served.message);
-        }
+        self.to_judge = Some(in_flight.served.message).filter(|_| fault == Fault::None);
         match &mut self.spool {
             // A proposal that is no trial is asked for again, whatever it did.
             Some(spool) if fault != Fault::Swapped && !fault.latches() => {
                 spool.store(name, done.episode)
             }
             _ => self.send(name, done.episode),
+        }
+    }
+
+    /// A learner has made trials durable; of the newest it says whether it was a success.
+    pub(crate) fn take_acknowledged(&mut self, ack: &Ack) {
+        if let Some(spool) = &mut self.spool {
+            spool.acknowledged(ack.session, ack.durable_rollout);
+        }
+        let is_it = |message: &mut PolicyMsg| {
+            (message.session, message.rollout) == (ack.session, ack.durable_rollout)
+        };
+        if let Some(message) = self.to_judge.take_if(is_it)
+            && ack.success != 0
+        {
+            self.to_prove = Some(message);
         }
     }
 
@@ -168,7 +181,7 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
             applied_ns: done.recording.applied_ns,
             n_records: done.recording.n_records as u64,
             fault: fault as u64,
-            outcome: done.outcome,
+            measures: done.measures,
             ..self.header(name)
         }
     }

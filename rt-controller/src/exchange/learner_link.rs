@@ -4,6 +4,7 @@
 use std::time::{Duration, Instant};
 
 use shm_types::SCHEMA;
+use shm_types::episode::Ack;
 use shm_types::policy::{PolicyMsg, PolicyName};
 use shm_types::ports::ControllerPorts;
 use shm_types::telemetry::{Heartbeat, WAITS_NOT};
@@ -13,9 +14,9 @@ pub(crate) struct LearnerLink {
     seen: Option<(Heartbeat, Instant)>,
     /// A learner is in the cell since then, and was not heard.
     mute: Option<Instant>,
-    /// Newest session and rollout reported, and up to which the learner holds its own durable.
+    /// Newest session and rollout reported, and what the learner has acknowledged.
     reported: PolicyName,
-    durable: (u64, u64),
+    acknowledged: Ack,
     /// It has changed since somebody looked.
     has_news: bool,
     /// Received, not yet handed to the loop.
@@ -29,7 +30,7 @@ impl LearnerLink {
             seen: None,
             mute: None,
             reported: PolicyName::NONE,
-            durable: (0, 0),
+            acknowledged: Ack { schema: SCHEMA, session: 0, durable_rollout: 0, success: 0 },
             has_news: false,
             proposal: None,
         }
@@ -46,13 +47,13 @@ impl LearnerLink {
         }
         while let Ok(Some(ack)) = ports.acks.receive() {
             if ack.schema == SCHEMA {
-                self.durable = (ack.session, ack.durable_rollout);
+                self.acknowledged = *ack;
                 self.has_news = true;
             }
         }
         // Asked for by a learner that has taken its episode since.
-        let (session, durable) = self.durable;
-        self.proposal.take_if(|asked| asked.session == session && asked.rollout <= durable);
+        let Ack { session, durable_rollout, .. } = self.acknowledged;
+        self.proposal.take_if(|asked| asked.session == session && asked.rollout <= durable_rollout);
         while let Ok(Some(beat)) = ports.learner_beat.receive() {
             if beat.schema == SCHEMA && self.seen.is_none_or(|(last, _)| last != *beat) {
                 self.seen = Some((*beat, Instant::now()));
@@ -66,15 +67,15 @@ impl LearnerLink {
         self.reported = name;
     }
 
-    /// Session and rollout up to which it is durable, once after each acknowledgement.
-    pub fn news(&mut self) -> Option<(u64, u64)> {
-        std::mem::take(&mut self.has_news).then_some(self.durable)
+    /// The newest acknowledgement, once.
+    pub fn news(&mut self) -> Option<Ack> {
+        std::mem::take(&mut self.has_news).then_some(self.acknowledged)
     }
 
     /// Episodes sent whose durability is not confirmed.
     pub fn unacknowledged(&self) -> u64 {
-        let (session, durable) = self.durable;
-        let confirmed = if session == self.reported.session { durable } else { 0 };
+        let Ack { session, durable_rollout, .. } = self.acknowledged;
+        let confirmed = if session == self.reported.session { durable_rollout } else { 0 };
         self.reported.rollout.saturating_sub(confirmed)
     }
 

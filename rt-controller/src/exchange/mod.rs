@@ -110,7 +110,9 @@ pub(crate) struct Exchange<'a, P> {
     pub(crate) link: LearnerLink,
     /// Newest first.
     pub(crate) known: Vec<Arc<Served<P>>>,
-    /// The newest proposal that succeeded, until its dry run: only then it may be served.
+    /// The newest proposal that ran to its end, until it is judged.
+    pub(crate) to_judge: Option<PolicyMsg>,
+    /// The newest one that succeeded, until its dry run: only then it may be served.
     pub(crate) to_prove: Option<PolicyMsg>,
     pub(crate) boot_id: u64,
     pub(crate) in_flight: Option<InFlight<P>>,
@@ -163,6 +165,7 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
             commands: Commands::new(),
             link: LearnerLink::new(),
             known: Vec::new(),
+            to_judge: None,
             to_prove: None,
             boot_id: boot_id(),
             in_flight: None,
@@ -194,8 +197,8 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
             self.take_done();
             self.take_spooled();
             self.link.receive(&self.ports, self.in_flight.as_ref().map(|f| f.served.name()));
-            if let (Some(spool), Some((session, rollout))) = (&mut self.spool, self.link.news()) {
-                spool.acknowledged(session, rollout);
+            if let Some(ack) = self.link.news() {
+                self.take_acknowledged(&ack);
             }
             if self.serve_commands() {
                 stop.store(true, Ordering::Relaxed);

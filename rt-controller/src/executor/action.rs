@@ -5,9 +5,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use nalgebra::Vector3;
-use physics::action::ActionWorld;
+use physics::action::{ActionWorld, Measured};
 use shm_types::cell::Cell;
-use shm_types::episode::{MAX_RECORDS, OutcomeMsg, TickRecord};
+use shm_types::episode::{MAX_RECORDS, TickRecord};
+use shm_types::measures::{Measure, Measures};
 use shm_types::policy::PolicyMsg;
 
 use crate::admit::admission::{Action, admit_action};
@@ -29,7 +30,7 @@ pub const PERIOD_NS: u64 = 1_000_000;
 const PERIOD_S: f64 = PERIOD_NS as f64 * 1e-9;
 
 /// Runs until `stop` is set. Such a world has no clock of its own: every rollout is immediate.
-pub fn run_action<W: ActionWorld>(
+pub fn run_action<W: ActionWorld + ?Sized>(
     cell: &Cell,
     world: &W,
     state: Option<&Path>,
@@ -64,7 +65,7 @@ pub fn run_action<W: ActionWorld>(
 /// An action and the path of the tracked object under it.
 type Throw = (Action, Vec<Vector3<f64>>);
 
-fn execute<W: ActionWorld>(mut ends: Ends<Throw>, world: &W, stop: &AtomicBool) {
+fn execute<W: ActionWorld + ?Sized>(mut ends: Ends<Throw>, world: &W, stop: &AtomicBool) {
     let mut tick = 0;
     while !stop.load(Ordering::Relaxed) {
         let Ok(Job { policy: throw, mut episode, swap, .. }) = ends.jobs.pop() else {
@@ -75,28 +76,42 @@ fn execute<W: ActionWorld>(mut ends: Ends<Throw>, world: &W, stop: &AtomicBool) 
         let (Action(action), path) = &throw;
         let action = &action[..world.dim()];
         let n_records = record(path, tick, episode.payload_mut());
-        let outcome = OutcomeMsg { value: world.measure(action), ..OutcomeMsg::ZERO };
+        let measures = measure(world, action);
         let recording = Recording::at_once(n_records, tick, applied_ns);
         if let Some(seq) = swap {
             let applied = Applied { seq, tick, at_ns: applied_ns, in_rollout: true, policy: throw };
             // Never full, as the ring below: one rollout is in flight at a time.
             let _ = ends.applied.push(applied);
         }
-        let done = Done { episode, recording, fault: Fault::None, outcome };
+        let done = Done { episode, recording, fault: Fault::None, measures };
         tick += n_records.max(1) as u64;
         let _ = ends.done.push(done);
     }
 }
 
-/// One rollout in this process: the measured value, and the records of the tracked object. `None` when
+/// One rollout in this process: what was measured, and the records of the tracked object. `None` when
 /// the policy is not admitted.
-pub fn replay<W: ActionWorld>(world: &W, policy: &PolicyMsg) -> Option<(f64, Vec<TickRecord>)> {
+pub fn replay<W: ActionWorld + ?Sized>(
+    world: &W,
+    policy: &PolicyMsg,
+) -> Option<(Measures, Vec<TickRecord>)> {
     let Action(action) = admit_action(policy, world.dim()).ok()?;
     let action = &action[..world.dim()];
     let path = world.path(action, PERIOD_S);
     let mut records = vec![TickRecord::ZERO; path.len().min(MAX_RECORDS)];
     record(&path, 0, &mut records);
-    Some((world.measure(action), records))
+    Some((measure(world, action), records))
+}
+
+/// What the world measures; nothing of it that is not fit to be told.
+fn measure<W: ActionWorld + ?Sized>(world: &W, action: &[f64]) -> Measures {
+    let mut measures = Measures::NONE;
+    for Measured { name, unit, value } in world.measure(action) {
+        if let Err(error) = measures.push(Measure { name, unit, value }) {
+            tracing::error!("{error}; it is not told");
+        }
+    }
+    measures
 }
 
 /// Writes the path of the tracked object; returns the records in use.

@@ -10,20 +10,20 @@ use physics::plant::Plant;
 use rtrb::PushError;
 use shm_types::channel::EpisodeLoan;
 use shm_types::episode::TickRecord;
+use shm_types::measures::Measures;
 use shm_types::telemetry::TelemetryTick;
 
 use crate::config::ControllerConfig;
 use crate::exchange::swap::Applied;
 use crate::executor::flight::{FlightRecord, FlightTick};
 use crate::executor::latch::Latch;
-use crate::executor::outcome_message::outcome_message;
 use crate::executor::recording::Recording;
 use crate::fault::Fault;
 use crate::hot::policy::Policy;
 use crate::hot::rollout::Phase;
 use crate::hot::tick::Controller;
 use crate::rt::{Clock, Wake, now_ns};
-use crate::serve::{Done, Ends};
+use crate::serve::{Done, Ends, Job};
 
 /// How long an unpaced loop sleeps while there is nothing to do.
 const IDLE_SLEEP: Duration = Duration::from_micros(100);
@@ -43,6 +43,8 @@ pub(crate) struct RtLoop<'a, P: Plant> {
     controller: Controller<'a>,
     plant: &'a mut P,
     ends: Ends<Policy>,
+    /// The next rollout, while the plant is put back to its start.
+    preparing: Option<Job<Policy>>,
     running: Option<Running>,
     undelivered: Option<Done>,
     /// Of the policy in the controller, for observers.
@@ -74,6 +76,7 @@ impl<'a, P: Plant> RtLoop<'a, P> {
             controller,
             plant,
             ends,
+            preparing: None,
             running: None,
             undelivered: None,
             policy_digest: 0,
@@ -114,6 +117,7 @@ impl<'a, P: Plant> RtLoop<'a, P> {
             self.swap_if_asked();
             match (&self.running, self.controller.latched()) {
                 (Some(_), _) => {}
+                (None, None) if self.preparing.is_some() => std::thread::sleep(self.period),
                 (None, None) if !self.latch.is_hold_asked() => {
                     std::thread::sleep(IDLE_SLEEP);
                     continue;
@@ -135,8 +139,13 @@ impl<'a, P: Plant> RtLoop<'a, P> {
         if self.controller.latched().is_some() || self.n_probation > 0 {
             return;
         }
-        if let Ok(job) = self.ends.jobs.pop() {
-            self.plant.reset();
+        if self.preparing.is_none() {
+            self.preparing = self.ends.jobs.pop().ok();
+            if self.preparing.is_some() {
+                self.plant.begin_reset();
+            }
+        }
+        if let Some(job) = self.preparing.take_if(|_| self.plant.is_ready()) {
             if self.plant.is_simulated() {
                 self.controller.enter_fresh_world();
             }
@@ -220,7 +229,7 @@ impl<'a, P: Plant> RtLoop<'a, P> {
                 episode: running.episode,
                 recording: running.recording,
                 fault: self.controller.fault(),
-                outcome: outcome_message(&self.controller),
+                measures: Measures::NONE,
             });
         }
     }

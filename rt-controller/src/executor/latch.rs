@@ -122,9 +122,9 @@ mod tests {
     use super::*;
     use physics::arm::ArmModel;
     use physics::ideal::IdealArm;
-    use physics::outcome::OutcomeConfig;
     use physics::pancake::WAM7_START_POSTURE;
     use physics::plant::Plant;
+    use physics::referee::Referee;
     use shm_types::episode::TickRecord;
 
     use crate::config::ControllerConfig;
@@ -134,8 +134,8 @@ mod tests {
     fn an_answer_is_never_that_of_before() {
         let urdf = include_str!("../../../robots/wam7/wam7_pan.urdf");
         let model = ArmModel::from_urdf(urdf, "pan").unwrap();
-        let (config, outcome) = (ControllerConfig::default(), OutcomeConfig::default());
-        let mut controller = Controller::new(&model, &WAM7_START_POSTURE, &config, &outcome);
+        let config = ControllerConfig::default();
+        let mut controller = Controller::new(&model, &WAM7_START_POSTURE, &config, &Referee::Clock);
         let mut arm = IdealArm::new(&model, &WAM7_START_POSTURE, config.period_s(), 0.01);
         for _ in 0..300 {
             let tau = controller.tick(&arm.measure(), &mut { TickRecord::ZERO });

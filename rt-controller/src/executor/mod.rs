@@ -4,5 +4,4 @@ pub mod action;
 pub(crate) mod arm;
 pub(crate) mod flight;
 pub(crate) mod latch;
-pub(crate) mod outcome_message;
 pub(crate) mod recording;

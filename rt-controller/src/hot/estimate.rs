@@ -1,6 +1,7 @@
 //! Where the arm is while its sensors do not say: by its own dynamics, from where they last did.
 
 use physics::arm::{ArmModel, JointVector};
+use physics::plant::Measurement;
 
 use crate::hot::limits;
 use crate::hot::wrench::ArmState;
@@ -18,6 +19,11 @@ pub(crate) struct Estimate {
 }
 
 impl Estimate {
+    /// What a measurement shows.
+    pub fn shown(measured: &Measurement) -> Estimate {
+        Estimate { q: measured.q, qd: measured.qd }
+    }
+
     /// An arm can be there: finite, and not absurdly far beyond the limits.
     pub fn is_plausible(&self, model: &ArmModel) -> bool {
         let limits = model.limits();

@@ -2,8 +2,8 @@
 
 use nalgebra::Isometry3;
 use physics::arm::JointVector;
-use physics::outcome::{Outcome, OutcomeConfig, OutcomeTracker};
-use physics::plant::ObjectState;
+use physics::plant::Measurement;
+use physics::referee::{Referee, State};
 use shm_types::episode::FLAG_BLENDING;
 use shm_types::policy::PolicyMsg;
 
@@ -12,10 +12,10 @@ use crate::hot::blend::Blend;
 use crate::hot::policy::{Command, Policy};
 use crate::hot::task_space::TaskState;
 
-/// After the policy's duration a pancake that lies in the pan gets this long to leave it.
+/// After the policy's duration an object that rests on the tip gets this long to leave it.
 const NO_TOSS_S: f64 = 0.1;
 /// Speed of the Approach, rad/s, how close it must come, rad, and how slow the arm must be then,
-/// rad/s: under a pancake that the model does not know the wrist sags at up to 0.1.
+/// rad/s: under an object that the model does not know the wrist sags at up to 0.1.
 const APPROACH_SPEED: f64 = 0.5;
 const APPROACH_TOLERANCE: f64 = 0.02;
 const APPROACH_REST: f64 = 0.15;
@@ -57,12 +57,13 @@ pub struct Rollout {
     /// The policy before a swap, while it fades out.
     blend: Option<Blend>,
     blend_ticks: u32,
-    outcome_config: OutcomeConfig,
-    tracker: OutcomeTracker,
+    /// As it is before a rollout, and in this one.
+    new_referee: Referee,
+    referee: Referee,
 }
 
 impl Rollout {
-    pub fn new(q0: &JointVector, config: &ControllerConfig, outcome: &OutcomeConfig) -> Rollout {
+    pub fn new(q0: &JointVector, config: &ControllerConfig, referee: &Referee) -> Rollout {
         Rollout {
             phase: Phase::Idle,
             ticks: 0,
@@ -77,8 +78,8 @@ impl Rollout {
             policy: Policy::new(&PolicyMsg::EMPTY),
             blend: None,
             blend_ticks: config.blend_ticks(),
-            outcome_config: *outcome,
-            tracker: OutcomeTracker::new(outcome),
+            new_referee: *referee,
+            referee: *referee,
         }
     }
 
@@ -87,7 +88,7 @@ impl Rollout {
         self.policy = *policy;
         self.blend = None;
         self.timed_out = false;
-        self.tracker = OutcomeTracker::new(&self.outcome_config);
+        self.referee = self.new_referee;
         self.enter(Phase::Approach);
     }
 
@@ -136,10 +137,6 @@ impl Rollout {
         &self.q0
     }
 
-    pub fn outcome(&self) -> Outcome {
-        self.tracker.outcome()
-    }
-
     /// The Approach took too long.
     pub fn timed_out(&self) -> bool {
         self.timed_out
@@ -168,10 +165,10 @@ impl Rollout {
     }
 
     /// Takes in what the world looks like in this tick.
-    pub fn observe(&mut self, X_WP: &Isometry3<f64>, object: &ObjectState) {
+    pub fn observe(&mut self, X_WP: &Isometry3<f64>, measured: &Measurement) {
         if matches!(self.phase, Phase::Execute | Phase::Settle) {
             let t_s = f64::from(self.executed) * self.period_s;
-            self.tracker.observe(t_s, X_WP, object);
+            self.referee.observe(t_s, X_WP, measured);
         }
     }
 
@@ -207,18 +204,18 @@ impl Rollout {
                     self.enter(Phase::Idle);
                 }
             }
-            Phase::Execute if self.tracker.is_finished() && self.tracker.outcome().dropped => {
-                self.enter(Phase::Idle);
-            }
+            Phase::Execute if self.referee.state() == State::Lost => self.enter(Phase::Idle),
             // Settle goes on counting from the start of Execute: it is the same clock t_s.
             Phase::Execute if t >= self.policy.duration_s => self.phase = Phase::Settle,
             Phase::Execute => {}
             Phase::Settle => {
                 let waited = t - self.policy.duration_s;
-                let no_toss = !self.tracker.is_airborne()
-                    && !self.tracker.outcome().tossed
-                    && waited >= NO_TOSS_S;
-                if self.tracker.is_finished() || no_toss || waited >= self.settle_s {
+                let is_over = match self.referee.state() {
+                    State::Running => waited >= NO_TOSS_S,
+                    State::Airborne => false,
+                    State::Settled | State::Lost => true,
+                };
+                if is_over || waited >= self.settle_s {
                     self.enter(Phase::Idle);
                 }
             }

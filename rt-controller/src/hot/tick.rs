@@ -7,8 +7,8 @@
 
 use nalgebra::{Vector3, Vector6};
 use physics::arm::{ArmModel, JointVector, dynamics};
-use physics::outcome::{Outcome, OutcomeConfig};
 use physics::plant::Measurement;
+use physics::referee::Referee;
 use shm_types::episode::{
     FLAG_NEAR_JOINT_LIMIT, FLAG_NEAR_SPEED_LIMIT, FLAG_RATE_LIMITED, FLAG_TORQUE_CLIPPED,
     TickRecord,
@@ -37,9 +37,6 @@ pub struct Controller<'a> {
     monitor: Monitor,
     tick: u64,
     fault: Fault,
-    /// Ticks of Execute and Settle in this rollout, and those with a clipped torque.
-    n_executed: u32,
-    n_clipped: u32,
     /// The torque last commanded, N·m: every next one is within a step of it. Always finite.
     /// `None` before the first command, in which the arm rests in what holds it: brakes, its driver.
     last_tau: Option<JointVector>,
@@ -66,12 +63,13 @@ struct Settings {
 const _: () = assert!(!std::mem::needs_drop::<Controller>());
 
 impl<'a> Controller<'a> {
-    /// `q0` is the start posture: where rollouts begin and what the null space is drawn to.
+    /// `q0` is the start posture: where rollouts begin and what the null space is drawn to. `referee`
+    /// is one that has seen nothing yet.
     pub fn new(
         model: &'a ArmModel,
         q0: &JointVector,
         config: &ControllerConfig,
-        outcome: &OutcomeConfig,
+        referee: &Referee,
     ) -> Controller<'a> {
         Controller {
             model,
@@ -87,12 +85,10 @@ impl<'a> Controller<'a> {
                 workspace_radius_m: config.workspace_radius_m,
                 workspace_floor_m: config.workspace_floor_m,
             },
-            rollout: Rollout::new(q0, config, outcome),
+            rollout: Rollout::new(q0, config, referee),
             monitor: Monitor::new(model, config),
             tick: 0,
             fault: Fault::None,
-            n_executed: 0,
-            n_clipped: 0,
             last_tau: None,
             estimate: None,
         }
@@ -114,7 +110,6 @@ impl<'a> Controller<'a> {
             return;
         }
         self.fault = Fault::None;
-        (self.n_executed, self.n_clipped) = (0, 0);
         self.rollout.start(policy);
     }
 
@@ -173,25 +168,14 @@ impl<'a> Controller<'a> {
         self.tick
     }
 
-    /// What the rollout that just ended achieved.
-    pub fn outcome(&self) -> Outcome {
-        self.rollout.outcome()
-    }
-
-    /// Share of that rollout's ticks, from Execute on, in which a torque was clipped at its limit.
-    pub fn clipped_share(&self) -> f64 {
-        f64::from(self.n_clipped) / f64::from(self.n_executed.max(1))
-    }
-
     /// One tick: fills `record` and returns the torque to apply, N·m, finite and within limits.
     pub fn tick(&mut self, measured: &Measurement, record: &mut TickRecord) -> JointVector {
         *record = TickRecord { tick: self.tick, t_s: self.rollout.t_s(), ..TickRecord::ZERO };
         (record.phase, record.flags) = (self.rollout.phase() as u32, self.rollout.flags());
 
-        let last_tau = *self.last_tau.get_or_insert_with(|| {
-            let shown = Estimate { q: measured.q, qd: measured.qd };
-            rest_torque(self.model, &shown)
-        });
+        let last_tau = *self
+            .last_tau
+            .get_or_insert_with(|| rest_torque(self.model, &Estimate::shown(measured)));
         let torque = self.torque(measured, &last_tau, record);
         self.locate(measured, &last_tau);
         if let Err(fault) = torque {
@@ -201,10 +185,6 @@ impl<'a> Controller<'a> {
             Ok(tau) if self.fault == Fault::None => tau,
             _ => self.hold(&last_tau),
         };
-        if matches!(self.rollout.phase(), Phase::Execute | Phase::Settle) {
-            self.n_executed += 1;
-            self.n_clipped += u32::from(record.flags & FLAG_TORQUE_CLIPPED != 0);
-        }
         self.rollout.advance(self.fault != Fault::None);
         if self.rollout.timed_out() && self.fault == Fault::None {
             self.fault = Fault::ApproachTimeout;
@@ -237,7 +217,7 @@ impl<'a> Controller<'a> {
         let task = TaskState::new(&state.tip);
         record.x.copy_from_slice(task.x.as_slice());
         record.xd.copy_from_slice(task.xd.as_slice());
-        self.rollout.observe(&state.tip.X_WP, &measured.object);
+        self.rollout.observe(&state.tip.X_WP, measured);
 
         let posture = |q_d: &JointVector| {
             (q_d - q) * self.settings.posture_stiffness - qd * self.settings.posture_damping
@@ -316,7 +296,7 @@ impl<'a> Controller<'a> {
     /// Where the arm is: as measured or, joint by joint where its sensors are in doubt, as it must
     /// have gone on under `last_tau`.
     fn locate(&mut self, measured: &Measurement, last_tau: &JointVector) {
-        let shown = Estimate { q: measured.q, qd: measured.qd };
+        let shown = Estimate::shown(measured);
         let is_plausible = shown.is_plausible(self.model);
         let is_new = is_plausible && self.monitor.agrees() && !self.monitor.is_stale();
         let trust = self.monitor.trust();

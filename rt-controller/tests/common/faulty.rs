@@ -147,10 +147,14 @@ impl Plant for Faulty<'_> {
         true
     }
 
-    fn reset(&mut self) {
-        self.arm.reset();
+    fn begin_reset(&mut self) {
+        self.arm.begin_reset();
         self.tau = dynamics::gravity_torque(self.model, &WAM7_START_POSTURE);
         self.show();
+    }
+
+    fn is_ready(&self) -> bool {
+        true
     }
 
     fn measure(&self) -> Measurement {

@@ -5,8 +5,8 @@ pub mod faulty;
 pub mod service;
 
 use physics::arm::ArmModel;
-use physics::outcome::OutcomeConfig;
 use physics::pancake::WAM7_START_POSTURE;
+use physics::referee::{Referee, Toss, TossConfig};
 use rt_controller::ControllerConfig;
 use rt_controller::hot::tick::Controller;
 use shm_types::policy::{PolicyMsg, packed_index};
@@ -34,6 +34,11 @@ pub fn message(amplitude: f64, stiffness: f64) -> PolicyMsg {
     message.sealed()
 }
 
+/// Of a toss, as the pancake's.
+pub fn referee() -> Referee {
+    Referee::Toss(Toss::new(&TossConfig::default()))
+}
+
 pub fn controller<'a>(model: &'a ArmModel, config: &ControllerConfig) -> Controller<'a> {
-    Controller::new(model, &WAM7_START_POSTURE, config, &OutcomeConfig::default())
+    Controller::new(model, &WAM7_START_POSTURE, config, &referee())
 }

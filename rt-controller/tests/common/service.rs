@@ -6,8 +6,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
+use super::referee;
 use physics::arm::ArmModel;
-use physics::outcome::OutcomeConfig;
 use physics::pancake::WAM7_START_POSTURE;
 use physics::plant::Plant;
 use rt_controller::run::Controlled;
@@ -45,8 +45,8 @@ impl Service<'_> {
         let stop = AtomicBool::new(false);
         let result = std::thread::scope(|scope| {
             let controller = scope.spawn(|| {
-                let (q0, outcome) = (WAM7_START_POSTURE, OutcomeConfig::default());
-                let controlled = Controlled { model: self.model, plant, q0, outcome };
+                let (q0, referee) = (WAM7_START_POSTURE, referee());
+                let controlled = Controlled { model: self.model, plant, q0, referee };
                 let (config, state) = (self.config, self.state);
                 rt_controller::run(&cell, config, self.pace, controlled, state, &stop).unwrap()
             });

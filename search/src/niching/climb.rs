@@ -3,9 +3,9 @@
 use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
 
-use crate::range::{Range, range};
 use crate::batch::FactorGaussian;
 use crate::power::by_reward;
+use crate::range::{Range, range};
 use crate::trial::Trial;
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

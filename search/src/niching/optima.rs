@@ -3,8 +3,8 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::power::by_reward;
-use crate::{Bounds, Mode};
 use crate::trial::Trial;
+use crate::{Bounds, Mode};
 
 /// The top of a hill; its θ and its standard deviations in fractions of the box.
 pub struct Optimum {

@@ -1,8 +1,8 @@
 //! Fig. 5: several optima, of which a gradient finds one; a mixture finds both and their spread.
 
 use anyhow::Result;
-use search::{Method, Space};
 use nalgebra::{DVector, Vector2};
+use search::{Method, Space};
 
 use crate::draw::figure::{Figure, Row, THIRD};
 use crate::draw::map::{Map, draw_mode};

@@ -1,10 +1,10 @@
 //! Fig. 6: a Gaussian and its split in equal parts, for two values of u.
 
 use anyhow::Result;
+use nalgebra::{DMatrix, DVector, Vector2};
 use search::gaussian::Gaussian;
 use search::mixture::Mixture;
 use search::split_merge::{Split, split};
-use nalgebra::{DMatrix, DVector, Vector2};
 
 use crate::draw::figure::{Figure, Row, THIRD};
 use crate::draw::map::{Map, draw_mode};

@@ -1,8 +1,8 @@
 //! Fig. 7: one run on the landscape, its mixture along the way and its number of components.
 
 use anyhow::Result;
-use search::{Method, Mode};
 use physics::landscape::{self, PEAK_VALUE};
+use search::{Method, Mode};
 
 use crate::draw::figure::{Figure, Row, THIRD};
 use crate::draw::map::{Map, draw_mode};

@@ -1,9 +1,9 @@
 //! Fig. 8: table skittles, where the number of solutions depends on where the skittle stands.
 
 use anyhow::Result;
-use search::Method;
 use nalgebra::{DVector, Vector2};
 use physics::skittles::{BOX, TARGETS};
+use search::Method;
 
 use crate::draw::figure::{Figure, Row, THIRD};
 use crate::draw::map::{Map, draw_mode};

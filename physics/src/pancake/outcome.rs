@@ -2,35 +2,33 @@
 //!
 //! ```
 //! use nalgebra::{Isometry3, UnitQuaternion, Vector3};
-//! use physics::outcome::{OutcomeConfig, OutcomeTracker};
-//! use physics::plant::ObjectState;
+//! use physics::pancake::outcome::{OutcomeConfig, OutcomeTracker};
+//! use physics::plant::{Measurement, ObjectState};
 //!
 //! let mut tracker = OutcomeTracker::new(&OutcomeConfig::default());
 //! let X_WP = Isometry3::identity();
+//! // A pancake that stays in the pan.
+//! let object = ObjectState {
+//!     p_WO: Vector3::new(0.0, 0.0, 0.005),
+//!     R_WO: UnitQuaternion::identity(),
+//!     in_contact: true,
+//! };
 //! for tick in 0..1000 {
-//!     // A pancake that stays in the pan.
-//!     let object = ObjectState {
-//!         p_WO: Vector3::new(0.0, 0.0, 0.005),
-//!         R_WO: UnitQuaternion::identity(),
-//!         in_contact: true,
-//!     };
-//!     tracker.observe(tick as f64 * 1e-3, &X_WP, &object);
+//!     tracker.observe(tick as f64 * 1e-3, &X_WP, &Measurement::of_object(object));
 //! }
 //! assert!(!tracker.outcome().tossed);
 //! ```
 
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
-use crate::plant::ObjectState;
+use crate::plant::Measurement;
+use crate::referee::{State, Toss, TossConfig};
 
 /// Thresholds of the tracker.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OutcomeConfig {
-    /// Δ_h of Sec. 3.1: the reward is computed when the pancake falls back to this height above
-    /// the pan, m.
-    pub drop_height_m: f64,
-    /// Time from that moment until the catch is judged, s.
-    pub hold_s: f64,
+    /// When the pancake comes back, and when it is lost.
+    pub toss: TossConfig,
     /// A flight lasts longer than this, s: shorter losses of contact are flicker.
     pub min_flight_s: f64,
     /// Releases faster than this are exploits of the contact model, m/s.
@@ -45,15 +43,12 @@ pub struct OutcomeConfig {
     pub max_rest_tilt_rad: f64,
     /// A caught pancake touched the pan within this time, s.
     pub recent_contact_s: f64,
-    /// The pancake is lost when it is this far below the pan, m.
-    pub dropped_below_m: f64,
 }
 
 impl Default for OutcomeConfig {
     fn default() -> Self {
         Self {
-            drop_height_m: 0.1,
-            hold_s: 0.5,
+            toss: TossConfig::default(),
             min_flight_s: 0.1,
             max_release_speed: 6.0,
             max_release_spin: 40.0,
@@ -61,7 +56,6 @@ impl Default for OutcomeConfig {
             max_rest_height_m: 0.03,
             max_rest_tilt_rad: 30_f64.to_radians(),
             recent_contact_s: 0.05,
-            dropped_below_m: 0.2,
         }
     }
 }
@@ -127,8 +121,6 @@ struct Sample {
     t_s: f64,
     p_WO: Vector3<f64>,
     R_WO: UnitQuaternion<f64>,
-    /// Height of the pancake's centre over the pan's, along the world's vertical.
-    height: f64,
     in_contact: bool,
 }
 
@@ -154,7 +146,7 @@ pub struct OutcomeTracker {
     last_contact_s: f64,
     /// The pancake has touched the pan again after the crossing.
     is_back: bool,
-    is_finished: bool,
+    toss: Toss,
     outcome: Outcome,
 }
 
@@ -169,24 +161,21 @@ impl OutcomeTracker {
             longest: None,
             last_contact_s: f64::NEG_INFINITY,
             is_back: false,
-            is_finished: false,
+            toss: Toss::new(&config.toss),
             outcome: Outcome::default(),
         }
     }
 
     /// Takes one tick: time (s, increasing), pose of the pan, state of the pancake. Ticks after
     /// the end are ignored.
-    pub fn observe(&mut self, t_s: f64, X_WP: &Isometry3<f64>, object: &ObjectState) {
-        if self.is_finished {
+    pub fn observe(&mut self, t_s: f64, X_WP: &Isometry3<f64>, measured: &Measurement) {
+        if self.is_finished() {
             return;
         }
-        let now = Sample {
-            t_s,
-            p_WO: object.p_WO,
-            R_WO: object.R_WO,
-            height: object.p_WO.z - X_WP.translation.vector.z,
-            in_contact: object.in_contact,
-        };
+        self.toss.observe(t_s, X_WP, measured);
+        let object = &measured.object;
+        let now =
+            Sample { t_s, p_WO: object.p_WO, R_WO: object.R_WO, in_contact: object.in_contact };
         let first = *self.first.get_or_insert(now);
         let offset_P = X_WP.inverse_transform_point(&object.p_WO.into()).coords;
         let normal_P = X_WP.rotation.inverse() * normal(&now.R_WO);
@@ -198,25 +187,17 @@ impl OutcomeTracker {
         self.track_crossing(&first, &now, X_WP, &offset_P);
         self.track_bounce(&now);
 
-        self.outcome.dropped = now.height < -self.config.dropped_below_m;
-        let hold_is_over =
-            self.outcome.tossed && t_s >= self.outcome.crossing_time_s + self.config.hold_s;
-        if hold_is_over && !self.outcome.dropped {
+        self.outcome.dropped = self.toss.state() == State::Lost;
+        if self.toss.state() == State::Settled {
             self.outcome.flipped_and_caught =
                 self.is_caught(t_s, &offset_P) && !self.outcome.exploit;
         }
-        self.is_finished = hold_is_over || self.outcome.dropped;
         self.last = Some(now);
     }
 
     /// Nothing more can change: the catch has been judged or the pancake is lost.
     pub fn is_finished(&self) -> bool {
-        self.is_finished
-    }
-
-    /// Is the pancake off the pan, be it for a flight or for a flicker of contact?
-    pub fn is_airborne(&self) -> bool {
-        self.flight.is_some()
+        matches!(self.toss.state(), State::Settled | State::Lost)
     }
 
     /// What has happened so far; final once [`is_finished`](Self::is_finished).
@@ -264,13 +245,11 @@ impl OutcomeTracker {
         X_WP: &Isometry3<f64>,
         offset_P: &Vector3<f64>,
     ) {
-        let delta_h = self.config.drop_height_m;
-        let was_above = self.last.is_some_and(|last| !last.in_contact && last.height > delta_h);
-        if self.outcome.tossed || now.in_contact || !was_above || now.height > delta_h {
+        let Some(crossing_s) = self.toss.crossing_s().filter(|_| !self.outcome.tossed) else {
             return;
-        }
+        };
         self.outcome.tossed = true;
-        self.outcome.crossing_time_s = now.t_s;
+        self.outcome.crossing_time_s = crossing_s;
         self.outcome.flip_angle_rad = angle_between(&normal(&first.R_WO), &normal(&now.R_WO));
         self.outcome.distance_m = (now.p_WO - X_WP.translation.vector).norm();
         self.outcome.lateral_m = offset_P.xy().norm();

@@ -1,0 +1,114 @@
+//! The judge: from a finished rollout to what was measured of it, whether it succeeded, and its reward.
+//!
+//! It sits in the learner alone: the loop only knows when a rollout is over, and the controller hears
+//! of a success with the acknowledgement. What a rollout is measured by is the task's; what it is worth
+//! is a [`Verdict`] over these measures, and can be asked again at any time.
+
+use shm_types::episode::{EpisodeHeader, TickRecord};
+use shm_types::measures::{Measures, MeasuresError};
+use thiserror::Error;
+
+/// Names and units of the measures of a session, in order.
+pub type Declared = Vec<(String, String)>;
+
+/// What a task measures of a rollout.
+pub trait Measurer: Send {
+    /// The same names in every rollout.
+    fn declared(&self) -> Declared;
+
+    /// From a checked episode; `header.measures` are those of the plant.
+    fn measure(
+        &self,
+        header: &EpisodeHeader,
+        records: &[TickRecord],
+    ) -> Result<Measures, MeasuresError>;
+}
+
+/// What measures are worth.
+pub trait Verdict: Send {
+    /// Success, and a reward that is finite.
+    fn judge(&self, measures: &Measures) -> Result<(bool, f64), VerdictError>;
+}
+
+/// Why there is no verdict.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[error("{0}")]
+pub struct VerdictError(pub String);
+
+/// Measures by the task, then judges.
+pub struct Judge {
+    measurer: Box<dyn Measurer>,
+    verdict: Box<dyn Verdict>,
+}
+
+/// Why a rollout was not judged.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum JudgeError {
+    #[error(
+        "measured were {}, but this session has {}: it goes on with the plant and the task it was \
+         started with",
+        list(found),
+        list(expected)
+    )]
+    OtherMeasures { found: Declared, expected: Declared },
+    #[error("{0}; this rollout tells nothing")]
+    Measures(#[from] MeasuresError),
+    #[error("no verdict: {error}")]
+    Verdict { error: VerdictError, measures: Box<Measures> },
+}
+
+impl Judge {
+    pub fn new(measurer: Box<dyn Measurer>, verdict: Box<dyn Verdict>) -> Judge {
+        Judge { measurer, verdict }
+    }
+
+    /// Of a world that measures all there is.
+    pub fn of_plant(measures: &[(&str, &str)], verdict: impl Verdict + 'static) -> Judge {
+        let declared = measures.iter().map(|(name, unit)| (name.to_string(), unit.to_string()));
+        Judge::new(Box::new(PlantMeasures(declared.collect())), Box::new(verdict))
+    }
+
+    pub fn declared(&self) -> Declared {
+        self.measurer.declared()
+    }
+
+    /// Measures, success and reward of a checked episode.
+    pub fn judge(
+        &self,
+        header: &EpisodeHeader,
+        records: &[TickRecord],
+    ) -> Result<(Measures, bool, f64), JudgeError> {
+        let measures = self.measurer.measure(header, records)?;
+        let (found, expected) = (measures.declared(), self.declared());
+        if found != expected {
+            return Err(JudgeError::OtherMeasures { found, expected });
+        }
+        match self.verdict.judge(&measures) {
+            Ok((success, reward)) => Ok((measures, success, reward)),
+            Err(error) => Err(JudgeError::Verdict { error, measures: Box::new(measures) }),
+        }
+    }
+}
+
+/// The plant's own measures and nothing else: worlds without an arm.
+pub struct PlantMeasures(pub Declared);
+
+impl Measurer for PlantMeasures {
+    fn declared(&self) -> Declared {
+        self.0.clone()
+    }
+
+    fn measure(&self, header: &EpisodeHeader, _: &[TickRecord]) -> Result<Measures, MeasuresError> {
+        Ok(header.measures)
+    }
+}
+
+/// As people read it.
+pub fn list(declared: &Declared) -> String {
+    if declared.is_empty() {
+        return "no measures".into();
+    }
+    let names: Vec<String> =
+        declared.iter().map(|(name, unit)| format!("{name} ({unit})")).collect();
+    names.join(", ")
+}

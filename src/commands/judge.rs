@@ -1,0 +1,124 @@
+//! `skillet judge`: stored trials, judged once more.
+
+use anyhow::{Result, bail};
+use learner::judge::Verdict as Judging;
+use learner::store::TrialRecord;
+use serde_json::json;
+
+use super::report::open;
+use crate::Verdict;
+use crate::cli::judge::JudgeArgs;
+use crate::config::Config;
+use crate::judging;
+use crate::output::{print, print_json};
+use crate::session_folder::SessionFolder;
+
+/// Trials listed one by one; the others are counted.
+const LISTED: usize = 20;
+
+pub fn run(args: &JudgeArgs) -> Result<Verdict> {
+    let folder = SessionFolder::open(&args.again)?;
+    let config = Config::load(Some(&args.config))?;
+    let store = open(folder.dir(), &folder.database())?;
+    let task = &store.meta().task;
+    if config.task.name != *task {
+        bail!(
+            "{}: task.name is {}, but the session is one of the task {task}",
+            args.config.display(),
+            config.task.name
+        );
+    }
+    let judge = judging::verdict(&config, &store.meta().measures)?;
+    let trials = store.trials()?;
+    let measured = trials.iter().filter(|trial| !trial.measures.is_empty());
+    let judged: Vec<Again> = measured.map(|trial| Again::of(trial, judge.as_ref())).collect();
+    if args.json {
+        print_json(&judged.iter().map(Again::json).collect::<Vec<_>>())?;
+    } else {
+        print(&text(&judged, trials.len() - judged.len()))?;
+    }
+    Ok(Verdict::Done)
+}
+
+/// A trial with both verdicts.
+struct Again<'a> {
+    trial: &'a TrialRecord,
+    /// Success and reward, or why there is none.
+    now: Result<(bool, f64), String>,
+}
+
+impl Again<'_> {
+    fn of<'a>(trial: &'a TrialRecord, judge: &dyn Judging) -> Again<'a> {
+        let now = judge.judge(&trial.measures).map_err(|error| error.to_string());
+        Again { trial, now }
+    }
+
+    /// Of a trial that was judged before.
+    fn before(&self) -> Option<(bool, f64)> {
+        (!self.trial.set_aside).then_some((self.trial.success, self.trial.reward))
+    }
+
+    fn is_same_success(&self) -> bool {
+        self.now.as_ref().ok().map(|now| now.0) == self.before().map(|before| before.0)
+    }
+
+    fn is_same_reward(&self) -> bool {
+        let bits = |(_, reward): (bool, f64)| reward.to_bits();
+        self.now.as_ref().ok().map(|now| bits(*now)) == self.before().map(bits)
+    }
+
+    fn json(&self) -> serde_json::Value {
+        let verdict = |verdict: Option<(bool, f64)>| {
+            verdict.map(|(success, reward)| json!({ "success": success, "reward": reward }))
+        };
+        json!({
+            "rollout": self.trial.rollout,
+            "before": verdict(self.before()),
+            "now": verdict(self.now.as_ref().ok().copied()),
+            "error": self.now.as_ref().err(),
+        })
+    }
+}
+
+fn text(judged: &[Again], not_measured: usize) -> String {
+    let count = |is: fn(&Again) -> bool| judged.iter().filter(|again| is(again)).count();
+    let other_reward = count(|again| !again.is_same_reward());
+    let other_success = count(|again| !again.is_same_success());
+    let successes = |verdicts: &mut dyn Iterator<Item = (bool, f64)>| {
+        verdicts.filter(|(success, _)| *success).count()
+    };
+    let before = successes(&mut judged.iter().filter_map(Again::before));
+    let now = successes(&mut judged.iter().filter_map(|again| again.now.clone().ok()));
+    let mut text = format!(
+        "{} trials judged again: {other_reward} with another reward, {other_success} with another \
+         verdict; successes {before} before, {now} now\n",
+        judged.len()
+    );
+    if not_measured > 0 {
+        text += &format!("{not_measured} trials were not executed, so there is nothing to judge\n");
+    }
+    let best = |verdict: &dyn Fn(&Again) -> Option<(bool, f64)>| {
+        let rewards =
+            judged.iter().filter_map(|again| Some((verdict(again)?.1, again.trial.rollout)));
+        let best = rewards.reduce(|a, b| if b.0 > a.0 { b } else { a });
+        best.map_or("none".into(), |(reward, rollout)| format!("{reward:.3} at rollout {rollout}"))
+    };
+    text += &format!("best reward {} before, ", best(&|again| again.before()));
+    text += &format!("{} now\n", best(&|again| again.now.clone().ok()));
+    let changed: Vec<&Again> = judged.iter().filter(|again| !again.is_same_success()).collect();
+    for again in changed.iter().take(LISTED) {
+        let verdict = |verdict: Option<bool>| match verdict {
+            Some(true) => "success",
+            Some(false) => "no success",
+            None => "not judged",
+        };
+        let (before, now) = (again.before().map(|v| v.0), again.now.as_ref().ok().map(|v| v.0));
+        let why = again.now.as_ref().err().map_or(String::new(), |error| format!(" ({error})"));
+        let rollout = again.trial.rollout;
+        text += &format!("  trial {rollout}: {} → {}{why}\n", verdict(before), verdict(now));
+    }
+    if changed.len() > LISTED {
+        text += &format!("  and {} more, see --json\n", changed.len() - LISTED);
+    }
+    text
+}

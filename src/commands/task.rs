@@ -1,0 +1,37 @@
+//! `skillet task`: the tasks there are.
+
+use anyhow::Result;
+use serde_json::json;
+
+use crate::Verdict;
+use crate::cli::task::{TaskArgs, TaskVerb};
+use crate::config::Config;
+use crate::output::{print, print_json};
+use crate::tasks;
+
+pub fn run(args: &TaskArgs) -> Result<Verdict> {
+    let TaskVerb::List { json: as_json } = args.verb;
+    let mut text = String::new();
+    let mut objects = Vec::new();
+    for task in tasks::ALL {
+        let measures = task.measurer(&Config::of_task(task.name))?.declared();
+        let names: Vec<&str> = measures.iter().map(|(name, _)| name.as_str()).collect();
+        text +=
+            &format!("{:<14}{}\n{:14}measures: {}\n", task.name, task.about, "", names.join(", "));
+        let units: serde_json::Map<_, _> =
+            measures.iter().map(|(name, unit)| (name.clone(), json!(unit))).collect();
+        objects.push(json!({
+            "name": task.name,
+            "about": task.about,
+            "has_arm": task.has_arm(),
+            "success": task.success,
+            "measures": units,
+        }));
+    }
+    if as_json {
+        print_json(&objects)?;
+    } else {
+        print(&text)?;
+    }
+    Ok(Verdict::Done)
+}

@@ -1,0 +1,75 @@
+//! The judge of a configuration: what its task measures, and what that is worth.
+
+use anyhow::{Context, Result, bail};
+use learner::expression::{Expression, Kind};
+use learner::judge::{Declared, Judge, Verdict, VerdictError, list};
+use learner::reward::RewardConfig;
+use shm_types::measures::{Measures, TRUTH};
+
+use crate::config::{Config, JudgeConfig};
+
+pub fn judge(config: &Config) -> Result<Judge> {
+    let measurer = config.task()?.measurer(config)?;
+    let verdict = verdict(config, &measurer.declared())?;
+    Ok(Judge::new(measurer, verdict))
+}
+
+/// What `config` makes of the measures `declared`.
+pub fn verdict(config: &Config, declared: &Declared) -> Result<Box<dyn Verdict>> {
+    match &config.task.judge {
+        Some(written) => Ok(Box::new(Written::parse(written, declared)?)),
+        None => built_in(&config.learner.reward, &config.task.name, declared),
+    }
+}
+
+fn built_in(reward: &RewardConfig, task: &str, declared: &Declared) -> Result<Box<dyn Verdict>> {
+    let missing = reward.missing(declared);
+    if !missing.is_empty() {
+        bail!(
+            "learner.reward.kind is {}, which needs {}; the task {task} has {}: use another kind, or \
+             write a reward as task.judge.reward",
+            reward.kind.name(),
+            missing.join(", "),
+            list(declared)
+        );
+    }
+    Ok(Box::new(*reward))
+}
+
+/// Reward and success as the configuration writes them.
+struct Written {
+    reward: Expression,
+    /// Without one, only the reward tells good from bad.
+    success: Option<Expression>,
+}
+
+impl Written {
+    fn parse(written: &JudgeConfig, declared: &Declared) -> Result<Written> {
+        let kind = |unit: &str| if unit == TRUTH { Kind::Truth } else { Kind::Number };
+        let names: Vec<(&str, Kind)> =
+            declared.iter().map(|(name, unit)| (name.as_str(), kind(unit))).collect();
+        let success = written
+            .success
+            .as_ref()
+            .map(|text| Expression::parse(text, &names, Kind::Truth).context("task.judge.success"));
+        Ok(Written {
+            reward: Expression::parse(&written.reward, &names, Kind::Number)
+                .context("task.judge.reward")?,
+            success: success.transpose()?,
+        })
+    }
+}
+
+impl Verdict for Written {
+    fn judge(&self, measures: &Measures) -> Result<(bool, f64), VerdictError> {
+        let values: Vec<f64> = measures.iter().map(|measure| measure.value).collect();
+        let named = |name: &str, error: &dyn std::fmt::Display| {
+            VerdictError(format!("task.judge.{name}: {error}"))
+        };
+        let success = self.success.as_ref().map(|success| success.truth(&values)).transpose();
+        Ok((
+            success.map_err(|error| named("success", &error))?.unwrap_or(false),
+            self.reward.number(&values).map_err(|error| named("reward", &error))?,
+        ))
+    }
+}

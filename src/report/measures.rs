@@ -1,0 +1,62 @@
+//! Every number that was measured, over the rollouts: of any task.
+
+use shm_types::measures::TRUTH;
+
+use super::{ReportData, TrialRow};
+use crate::draw::figure::{Figure, Row, THIRD};
+use crate::draw::plot::{Axis, Plot};
+use crate::draw::svg::Panel;
+
+/// Panels of the figure; a task with more numbers shows its first ones.
+const MOST: usize = 12;
+
+pub fn figure(data: &ReportData) -> Figure {
+    let names = names(&data.trials);
+    let rows = if names.is_empty() {
+        Err("nothing was measured yet.".to_owned())
+    } else {
+        let panels = names.iter().map(|(name, unit)| draw(&data.trials, name, unit));
+        let mut panels: Vec<Panel> = panels.collect();
+        let mut rows = Vec::new();
+        while !panels.is_empty() {
+            let rest = panels.split_off(panels.len().min(3));
+            rows.push(Row::Thirds(std::mem::replace(&mut panels, rest)));
+        }
+        Ok(rows)
+    };
+    Figure {
+        stem: "measures",
+        title: "Measures over the rollouts",
+        caption: "Filled points: rollouts that succeeded. A short stroke on the axis marks one of \
+                  which there is no such number."
+            .into(),
+        rows,
+    }
+}
+
+/// Names and units of the numbers of which there are some.
+fn names(trials: &[TrialRow]) -> Vec<(String, String)> {
+    let measured = trials.iter().find(|trial| !trial.measures.is_empty());
+    let declared = measured.map_or_else(Vec::new, |trial| trial.measures.declared());
+    declared.into_iter().filter(|(_, unit)| unit != TRUTH).take(MOST).collect()
+}
+
+fn draw(trials: &[TrialRow], name: &str, unit: &str) -> Panel {
+    let value = |trial: &TrialRow| trial.measures.get(name).filter(|value| value.is_finite());
+    let label = if unit == "1" { name.to_owned() } else { format!("{name}, {unit}") };
+    let x = Axis::rollouts(trials.iter().map(|trial| trial.rollout));
+    let y = Axis::rounded(&label, trials.iter().filter_map(value));
+    let alt = format!("{label} over {} rollouts", trials.len());
+    let mut plot = Plot::new((THIRD, 230.0), &alt, x, y, &[]);
+    // Successes last, so that they lie on top.
+    for success in [false, true] {
+        for trial in trials.iter().filter(|trial| trial.success == success) {
+            let class = if success { "dot success" } else { "dot failure" };
+            match value(trial) {
+                Some(value) => plot.dot(trial.rollout as f64, value, 2.8, class),
+                None => plot.absent(trial.rollout as f64),
+            }
+        }
+    }
+    plot.panel
+}

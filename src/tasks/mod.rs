@@ -1,0 +1,95 @@
+//! Tasks: what there is to be learnt. Each is one file, which says everything there is to say of it.
+//!
+//! A new task is a file with a `TASK` in it, and its name in the list below.
+
+use anyhow::{Context, Result, bail};
+use learner::judge::{Declared, Measurer, PlantMeasures};
+use physics::action::ActionWorld;
+use physics::arm::{ArmModel, JointVector};
+use physics::plant::Plant;
+use physics::referee::Referee;
+
+use crate::config::Config;
+use crate::report::Pictures;
+
+/// The modules, and all tasks in the order in which people see them.
+macro_rules! tasks {
+    ($($name:ident),* $(,)?) => {
+        $(mod $name;)*
+        pub const ALL: &[&Task] = &[$(&$name::TASK),*];
+    };
+}
+
+tasks! { pancake, landscape, skittles }
+
+/// What the loop, the learner and the report must know of a task.
+pub struct Task {
+    pub name: &'static str,
+    /// In a line, for people.
+    pub about: &'static str,
+    pub world: World,
+    /// Its settings, where they differ from the defaults.
+    pub configure: fn(&mut Config),
+    /// That its own settings make sense.
+    pub check: fn(&Config) -> Result<()>,
+    /// `task.target_m`, or `--target`, says where its target stands.
+    pub has_target: bool,
+    /// Units of an action's entries, as endings of names; empty where there are none.
+    pub action_units: &'static [&'static str],
+    /// What a success is called; `None` where only the reward tells good from bad.
+    pub success: Option<&'static str>,
+    /// What the report shows beside reward and measures.
+    pub pictures: fn(&Config) -> Pictures,
+}
+
+/// What its rollouts happen in.
+pub enum World {
+    Arm(fn(&Config) -> Result<ArmWorld>),
+    /// Without an arm: the policy is an action vector.
+    Action(fn(&Config) -> Box<dyn ActionWorld>),
+}
+
+/// An arm and what surrounds it.
+pub struct ArmWorld {
+    pub model: ArmModel,
+    /// Start posture, rad.
+    pub q0: JointVector,
+    pub plant: Box<dyn Plant>,
+    pub referee: Referee,
+    pub measurer: Box<dyn Measurer>,
+}
+
+impl Task {
+    pub fn has_arm(&self) -> bool {
+        matches!(self.world, World::Arm(_))
+    }
+
+    /// What is measured of its rollouts.
+    pub fn measurer(&self, config: &Config) -> Result<Box<dyn Measurer>> {
+        match self.world {
+            World::Arm(world) => Ok(world(config)?.measurer),
+            World::Action(world) => {
+                let measured = world(config).measure(&config.learner.action.start);
+                let declared = measured.iter().map(|m| (m.name.to_string(), m.unit.to_string()));
+                Ok(Box::new(PlantMeasures(declared.collect::<Declared>())))
+            }
+        }
+    }
+}
+
+/// The task `name`.
+pub fn find(name: &str) -> Result<&'static Task> {
+    ALL.iter().find(|task| task.name == name).copied().with_context(|| {
+        let names: Vec<&str> = ALL.iter().map(|task| task.name).collect();
+        let (last, others) = names.split_last().expect("there are tasks");
+        format!("task.name is '{name}': use {} or {last}", others.join(", "))
+    })
+}
+
+/// The arm's world of the task that `config` names.
+pub fn arm_world(config: &Config) -> Result<ArmWorld> {
+    match config.task()?.world {
+        World::Arm(world) => world(config),
+        World::Action(_) => bail!("the task {} has no arm", config.task.name),
+    }
+}
