@@ -12,6 +12,7 @@ pub mod config;
 pub mod demonstration;
 mod error;
 pub mod exploration;
+pub mod expression;
 pub mod initial_policy;
 pub mod judge;
 pub mod learner;
