@@ -20,6 +20,7 @@ use prometheus_client::metrics::gauge::ConstGauge;
 use prometheus_client::registry::{Registry, Unit};
 use shm_types::cell::Cell;
 use shm_types::command::Status;
+use shm_types::measures::Measures;
 use shm_types::ports::ToolPorts;
 use tiny_http::{Header, Method, Response, Server};
 
@@ -112,6 +113,11 @@ fn registry(status: &Status, learning: &Learning, cell: &str) -> Registry {
     }
     for (name, help, value) in gauges(status).into_iter().chain(learning.gauges()) {
         registry.register(name, help, ConstGauge::<f64>::new(value));
+    }
+    for measure in learning.measures().iter().flat_map(Measures::iter) {
+        let help = format!("Measured of the last trial, in {}", measure.unit);
+        let name = format!("measure_{}", measure.name);
+        registry.register(name, help, ConstGauge::<f64>::new(measure.value));
     }
     for (name, help, ns) in durations(status) {
         registry.register_with_unit(name, help, Unit::Seconds, ConstGauge::new(ns as f64 * 1e-9));

@@ -96,7 +96,8 @@ fn what_fits_no_table_and_no_task_is_refused() {
     let off = ["learn", "skittles", "--target", "0.0,9.0"];
     bench.refused(&off, &["task.target_m", "on the table"]);
     bench.refused(&["learn", "skittles", "--target", "1.2"], &["two numbers"]);
-    bench.refused(&["learn", "landscape", "--target", "1,1"], &["belongs to the task skittles"]);
+    bench
+        .refused(&["learn", "landscape", "--target", "1,1"], &["the task landscape has no target"]);
     let cases = [
         ("[task]\nname = \"landscape\"\n[learner.action]\nstart = [1.0]\n", "takes 2"),
         ("[task]\nname = \"pancake\"\n[learner.action]\nstart = [1.0, 2.0]\n", "takes 0"),

@@ -26,7 +26,7 @@ fn a_refused_proposal_is_a_trial_without_reward_and_learning_goes_on() {
     assert!(!refused.is_empty() && refused.len() < 12, "{} of 14 refused", refused.len());
     for trial in &refused {
         assert_eq!((trial.reward, trial.n_records, trial.set_aside), (0.0, 0, false));
-        assert!(!trial.success());
+        assert!(!trial.success);
     }
     assert_eq!(trials[0].fault, 0, "the start is not explored");
     let log = util::text(&bench.path("s/learner.log"));

@@ -75,7 +75,7 @@ mod tests {
         assert_eq!(config(&[8.0, 2.0], &[], &[]).validate(), Ok(()));
         assert_eq!(config(&[8.0, 2.0], &[0.0, 0.0], &[10.0, 10.0]).validate(), Ok(()));
         for (bad, expected) in [
-            (config(&[0.0; 9], &[], &[]), "at most 8"),
+            (config(&[0.0; 17], &[], &[]), "at most 16"),
             (config(&[f64::NAN], &[], &[]), "learner.action.start is [NaN]"),
             (config(&[1.0], &[2.0], &[2.0]), "empty in parameter 0"),
             (config(&[1.0], &[2.0], &[]), "1 minima and 0 maxima"),

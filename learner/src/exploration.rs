@@ -13,9 +13,8 @@ use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
 use shm_types::policy::{PolicyMsg, packed_index};
 
-use crate::config::LearnerConfig;
 use crate::demonstration::Demonstration;
-use crate::initial_policy::initial_policy;
+use crate::initial_policy::{InitialPolicyConfig, initial_policy};
 use crate::parameters::{ParameterError, ParameterMap};
 use crate::trajectory::{Pose, retime};
 use search::range::{Range, range};
@@ -94,18 +93,19 @@ impl ExplorationConfig {
 pub(crate) fn directions(
     initial: &PolicyMsg,
     map: &ParameterMap,
-    config: &LearnerConfig,
+    config: &ExplorationConfig,
+    initial_config: &InitialPolicyConfig,
     demonstration: &Demonstration,
 ) -> Result<Vec<DVector<f64>>, ParameterError> {
     let theta_0 = map.encode(initial)?;
-    let refitted = alterations(demonstration, &config.exploration)
+    let refitted = alterations(demonstration, config)
         .into_iter()
         .map(|poses| demonstration.with_poses(poses))
-        .map(|altered| initial_policy(&altered, &config.initial_policy()));
-    let (position, rotation) = (0..N_POSITIONS, N_POSITIONS..config.task_dim);
+        .map(|altered| initial_policy(&altered, initial_config));
+    let (position, rotation) = (0..N_POSITIONS, N_POSITIONS..initial_config.task_dim);
     let stiffened = [
-        stiffened(initial, position, config.exploration.position_log_stiffness),
-        stiffened(initial, rotation, config.exploration.rotation_log_stiffness),
+        stiffened(initial, position, config.position_log_stiffness),
+        stiffened(initial, rotation, config.rotation_log_stiffness),
     ];
     let mut directions = Vec::new();
     for policy in refitted.chain(stiffened) {

@@ -35,8 +35,7 @@ mod tree;
 
 use std::fmt;
 
-pub use error::{EvalError, EvalFault, ParseError, ParseFault};
-pub use parse::{MAX_BYTES, MAX_DEPTH};
+pub use error::{EvalError, EvalFault, MAX_BYTES, MAX_DEPTH, ParseError, ParseFault};
 
 use error::Place;
 use tree::{Node, Op};

@@ -94,7 +94,13 @@ fn space(
     Ok(match config.exploration.kind {
         ExplorationKind::White => Space::white(theta_0),
         ExplorationKind::Demonstration => {
-            let columns = directions(start, map, config, demonstration)?;
+            let columns = directions(
+                start,
+                map,
+                &config.exploration,
+                &config.initial_policy(),
+                demonstration,
+            )?;
             Space::along(theta_0, matrix(map.dim(), &columns))?
         }
     })

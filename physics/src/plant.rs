@@ -33,14 +33,6 @@ pub struct Measurement {
     pub t_ns: u64,
 }
 
-impl Measurement {
-    /// Of a world that is nothing but its object.
-    pub fn of_object(object: ObjectState) -> Measurement {
-        let still = JointVector::zeros();
-        Measurement { q: still, qd: still, object, sample: 0, t_ns: 0 }
-    }
-}
-
 /// A torque-controlled arm and its surroundings, simulated or real.
 ///
 /// The torque given by [`apply`](Plant::apply) acts until it is replaced.

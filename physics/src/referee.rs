@@ -2,7 +2,7 @@
 
 use nalgebra::Isometry3;
 
-use crate::plant::Measurement;
+use crate::plant::{Measurement, ObjectState};
 
 /// How a rollout stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,7 +31,7 @@ impl Referee {
     pub fn observe(&mut self, t_s: f64, X_WP: &Isometry3<f64>, measured: &Measurement) {
         match self {
             Referee::Clock => {}
-            Referee::Toss(toss) => toss.observe(t_s, X_WP, measured),
+            Referee::Toss(toss) => toss.observe(t_s, X_WP, &measured.object),
         }
     }
 
@@ -86,11 +86,10 @@ impl Toss {
     }
 
     /// Ticks after the end are ignored.
-    pub fn observe(&mut self, t_s: f64, X_WP: &Isometry3<f64>, measured: &Measurement) {
+    pub fn observe(&mut self, t_s: f64, X_WP: &Isometry3<f64>, object: &ObjectState) {
         if self.is_over {
             return;
         }
-        let object = &measured.object;
         let height = object.p_WO.z - X_WP.translation.vector.z;
         let is_above = height > self.config.drop_height_m;
         self.is_off = !object.in_contact;

@@ -8,6 +8,7 @@ use std::f64::consts::PI;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use physics::pancake::outcome::{Outcome, OutcomeConfig, OutcomeTracker};
 use physics::plant::ObjectState;
+use physics::referee::{self, State, TossConfig};
 
 const DT_S: f64 = 1e-3;
 const G: f64 = 9.81;
@@ -230,13 +231,34 @@ fn floating_over_the_pan_is_no_catch() {
     assert!(tracker.is_finished() && !tracker.outcome().flipped_and_caught);
 }
 
+/// What the referee says at `t_s`.
+fn state(t_s: f64, object: impl Fn(f64) -> ObjectState) -> State {
+    let mut referee = referee::Toss::new(&TossConfig::default());
+    for tick in 0..(t_s / DT_S) as usize {
+        let t_s = tick as f64 * DT_S;
+        referee.observe(t_s, &Toss::pan(), &object(t_s));
+    }
+    referee.state()
+}
+
 #[test]
-fn airborne_from_the_first_moment_without_contact() {
+fn the_referee_waits_for_a_toss_and_gives_up_what_is_lost() {
     let toss = Toss::half_flip();
-    let at = |t_s: f64| track(t_s, |t_s| toss.object(t_s)).is_airborne();
-    assert!(!at(toss.release_s - 0.01));
-    assert!(at(toss.release_s + 0.01));
-    assert!(!at(toss.release_s + 2.0 * toss.vz / G + 0.01));
+    let at = |t_s: f64| state(t_s, |t_s| toss.object(t_s));
+    let crossing_s = toss.release_s + toss.fall_time(0.1 - RESTING_HEIGHT);
+    assert_eq!(at(toss.release_s - 0.01), State::Running);
+    assert_eq!(at(toss.release_s + 0.01), State::Airborne);
+    assert_eq!(at(crossing_s + 0.45), State::Airborne, "caught, but it may jump out again");
+    assert_eq!(at(crossing_s + 0.55), State::Settled);
+
+    let missed = Toss { lands: false, ..toss };
+    assert_eq!(state(2.0, |t_s| missed.object(t_s)), State::Lost);
+
+    // A hop that never rises to 0.1 m is over with its landing.
+    let hop = Toss { vz: 1.0, ..toss };
+    let at = |t_s: f64| state(t_s, |t_s| hop.object(t_s));
+    assert_eq!(at(hop.release_s + 0.1), State::Airborne);
+    assert_eq!(at(hop.release_s + 2.0 * hop.vz / G + 0.01), State::Running);
 }
 
 #[test]

@@ -15,11 +15,14 @@ pub mod fault;
 #[cfg(fuzzing)]
 pub mod fuzzing;
 pub mod hot;
+mod rings;
 pub mod rt;
 pub mod run;
 mod serve;
 pub mod simulate;
+mod summary;
 
 pub use config::{ControllerConfig, Pace};
 pub use executor::action::run_action;
-pub use run::{RunError, RunSummary, run};
+pub use run::run;
+pub use summary::{RunError, RunSummary};

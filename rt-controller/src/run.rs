@@ -7,64 +7,25 @@ use std::time::{Duration, Instant};
 use physics::arm::{ArmModel, JointVector};
 use physics::plant::Plant;
 use physics::referee::Referee;
-use shm_types::cell::{Cell, CellError};
-use shm_types::channel::ChannelError;
+use shm_types::cell::Cell;
 use shm_types::episode::TickRecord;
 use shm_types::policy::PolicyMsg;
-use thiserror::Error;
 
 use crate::admit::admission::{admit, records_needed};
 use crate::admit::dry_run::dry_run;
-use crate::config::{Alone, ControllerConfig, ControllerConfigError, Pace};
-use crate::disk::state_file::StateError;
-use crate::disk::timing_file::LoopTiming;
-use crate::exchange::Setup;
-use crate::exchange::timing::Percentiles;
+use crate::config::{Alone, ControllerConfig, Pace};
+use crate::exchange::setup::Setup;
 use crate::executor::arm::RtLoop;
 use crate::executor::latch::Latch;
 use crate::hot::tick::Controller;
 use crate::rt::{self, Clock};
 use crate::serve::serve;
+use crate::summary::{RunError, RunSummary};
 
 /// Ticks by which a host is asked whether it can hold the period, and the share of it that they may
 /// take.
 const TRIAL_TICKS: usize = 200;
 const PERIOD_SHARE: f64 = 0.8;
-
-/// Why a controller ended with an error.
-#[derive(Debug, Error)]
-pub enum RunError {
-    #[error(transparent)]
-    Config(#[from] ControllerConfigError),
-    #[error(transparent)]
-    Cell(#[from] CellError),
-    #[error(transparent)]
-    Channel(#[from] ChannelError),
-    #[error(transparent)]
-    State(#[from] StateError),
-    #[error(
-        "controller.period_us is {period_us}, but a tick and a step of the plant take {needed_us:.0} \
-         µs on this host: use at least {enough_us:.0}"
-    )]
-    Period { period_us: u32, needed_us: f64, enough_us: f64 },
-    #[error("the rt thread panicked: {0}; this is a bug, please report it")]
-    Panic(String),
-}
-
-/// What a controller did until it was stopped.
-#[derive(Clone, Debug, PartialEq)]
-pub struct RunSummary {
-    /// That a learner asked for.
-    pub rollouts: u64,
-    pub policies_refused: u64,
-    pub swaps: u64,
-    pub ticks: u64,
-    pub deadline_misses: u64,
-    /// Only meaningful when paced by the wall clock.
-    pub wakeup: Percentiles,
-    pub tick: Percentiles,
-    pub timing: LoopTiming,
-}
 
 /// What a controller drives, and how.
 pub struct Controlled<'a, P: Plant> {

@@ -2,22 +2,19 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use rtrb::{Consumer, Producer, RingBuffer};
+use rtrb::RingBuffer;
 use shm_types::cell::{Cell, Role};
-use shm_types::channel::{EPISODE_LOANS, EpisodeLoan};
-use shm_types::measures::Measures;
+use shm_types::channel::EPISODE_LOANS;
 use shm_types::ports::ControllerPorts;
 use shm_types::service_manager::{Notice, notify};
-use shm_types::telemetry::TelemetryTick;
 
+use crate::exchange::Exchange;
 use crate::exchange::loop_report::LoopReport;
-use crate::exchange::swap::Applied;
-use crate::exchange::{Exchange, Setup};
+use crate::exchange::setup::Setup;
 use crate::executor::flight::FlightRecord;
-use crate::executor::recording::Recording;
-use crate::fault::Fault;
+use crate::rings::{Ends, ExchangeEnds};
 use crate::rt::Raised;
-use crate::run::{RunError, RunSummary};
+use crate::summary::{RunError, RunSummary};
 
 /// Ticks the telemetry ring holds: 4 s at 1 kHz, 0.2 s at the pace of the simulation.
 const TELEMETRY_RING: usize = 4096;
@@ -28,54 +25,6 @@ const FLIGHT_RING: usize = 2;
 
 /// SCHED_FIFO priority of the exchange thread beside a loop in real time.
 const EXCHANGE_PRIORITY: u8 = 1;
-
-/// A rollout to execute: travels exchange → executing thread with the memory its records go to.
-pub(crate) struct Job<P> {
-    pub policy: P,
-    pub policy_digest: u64,
-    pub episode: EpisodeLoan,
-    /// The swap that it fulfils, to be acknowledged when the policy acts.
-    pub swap: Option<u64>,
-    /// A learner's proposal: a fault in it is its episode's matter.
-    pub is_experiment: bool,
-}
-
-/// A policy for the rollout in progress.
-pub(crate) struct Swap<P> {
-    pub seq: u64,
-    pub policy: P,
-    pub policy_digest: u64,
-}
-
-/// An executed rollout: travels back.
-pub(crate) struct Done {
-    pub episode: EpisodeLoan,
-    pub recording: Recording,
-    pub fault: Fault,
-    /// What only the plant could measure.
-    pub measures: Measures,
-}
-
-/// The executing thread's ends of the rings.
-pub(crate) struct Ends<P> {
-    pub jobs: Consumer<Job<P>>,
-    pub swaps: Consumer<Swap<P>>,
-    pub applied: Producer<Applied<P>>,
-    pub done: Producer<Done>,
-    pub telemetry: Producer<TelemetryTick>,
-    pub flights: Producer<Box<FlightRecord>>,
-    pub spare_flights: Consumer<Box<FlightRecord>>,
-}
-
-/// The exchange thread's ends.
-pub(crate) struct ExchangeEnds<P> {
-    pub jobs: Producer<Job<P>>,
-    pub swaps: Producer<Swap<P>>,
-    pub applied: Consumer<Applied<P>>,
-    pub done: Consumer<Done>,
-    pub flights: Consumer<Box<FlightRecord>>,
-    pub spare_flights: Producer<Box<FlightRecord>>,
-}
 
 /// Serves the cell until `stop` is set; `execute` runs on its own thread and returns when `stop`
 /// is set. Holds the cell's controller lock.

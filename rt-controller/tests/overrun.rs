@@ -10,8 +10,8 @@ use common::service::Service;
 use common::{message, referee, wam};
 use physics::pancake::WAM7_START_POSTURE;
 use rt_controller::fault::Fault;
-use rt_controller::run::{Controlled, RunError};
-use rt_controller::{ControllerConfig, Pace};
+use rt_controller::run::Controlled;
+use rt_controller::{ControllerConfig, Pace, RunError};
 use shm_types::cell::Cell;
 use shm_types::command::{COMMAND_PIN, Command, Status};
 

@@ -37,6 +37,7 @@ pub(crate) const TELEMETRY: &str = "skillet/telemetry";
 pub(crate) const IN_LOOP: &str = "skillet/policy-in-loop";
 pub(crate) const OUTCOME: &str = "skillet/outcome";
 pub(crate) const TRIAL: &str = "skillet/trial";
+pub(crate) const MEASURES: &str = "skillet/measures";
 pub(crate) const COMMAND: &str = "skillet/command";
 pub(crate) const CONTROLLER_BEAT: &str = "skillet/controller-heartbeat";
 pub(crate) const LEARNER_BEAT: &str = "skillet/learner-heartbeat";
@@ -255,6 +256,8 @@ pub(crate) const OUTCOME_QOS: Qos =
 /// Who comes late sees the reward curve all the same.
 pub(crate) const TRIAL_QOS: Qos =
     Qos { history: TRIAL_HISTORY, buffer: TRIAL_HISTORY, publishers: PLACES, subscribers: 8 };
+pub(crate) const MEASURES_QOS: Qos =
+    Qos { history: 1, buffer: 16, publishers: PLACES, subscribers: 8 };
 pub(crate) const BEAT_QOS: Qos = Qos { history: 1, buffer: 2, publishers: PLACES, subscribers: 16 };
 
 pub(crate) fn publisher<T: core::fmt::Debug + ZeroCopySend>(

@@ -34,7 +34,7 @@ message! {
 
 message! {
     /// A trial that is durable.
-    pub struct TrialNews as "skillet/TrialNews/2" {
+    pub struct TrialNews as "skillet/TrialNews/1" {
         pub schema: u64,
         pub session: u64,
         pub rollout: u64,
@@ -46,10 +46,20 @@ message! {
         /// `TRIAL_*`.
         pub flags: u64,
         pub reward: f64,
-        pub measures: Measures,
         /// Modes in use; they are told now and then, not with every trial.
         pub n_modes: u64,
         pub modes: [ModeNews; MAX_MODES],
+    }
+}
+
+message! {
+    /// What was measured of a trial that is durable.
+    pub struct MeasuresNews as "skillet/MeasuresNews/1" {
+        pub schema: u64,
+        pub session: u64,
+        pub rollout: u64,
+        pub policy_digest: u64,
+        pub measures: Measures,
     }
 }
 
@@ -86,6 +96,17 @@ impl ModeNews {
     }
 }
 
+impl MeasuresNews {
+    /// Checks everything.
+    pub fn validate(&self) -> Result<(), NewsError> {
+        if self.schema != SCHEMA {
+            return Err(NewsError::Schema { found: self.schema });
+        }
+        let rollout = self.rollout;
+        self.measures.validate().map_err(|error| NewsError::Measures { rollout, error })
+    }
+}
+
 impl TrialNews {
     pub fn has(&self, flag: u64) -> bool {
         self.flags & flag != 0
@@ -100,7 +121,6 @@ impl TrialNews {
         if !self.reward.is_finite() {
             return Err(NewsError::NotFinite { field: "reward", rollout });
         }
-        self.measures.validate().map_err(|error| NewsError::Measures { rollout, error })?;
         let modes = usize::try_from(self.n_modes).ok().and_then(|n| self.modes.get(..n));
         let modes = modes.ok_or(NewsError::Modes(self.n_modes))?;
         if modes.iter().all(ModeNews::is_finite) {
@@ -126,7 +146,6 @@ mod tests {
             fault: 0,
             flags: TRIAL_SUCCESS,
             reward: 0.5,
-            measures: Measures::NONE,
             n_modes: 1,
             modes: [ModeNews::ZERO; MAX_MODES],
         };

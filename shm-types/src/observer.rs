@@ -8,7 +8,7 @@ use iceoryx2::port::subscriber::Subscriber;
 use crate::cell::Cell;
 use crate::channel::*;
 use crate::episode::EpisodeHeader;
-use crate::news::TrialNews;
+use crate::news::{MeasuresNews, TrialNews};
 use crate::policy::PolicyMsg;
 use crate::ports::with_retry;
 use crate::telemetry::Telemetry;
@@ -22,6 +22,8 @@ pub struct ObserverPorts {
     pub outcomes: Subscriber<Ipc, EpisodeHeader, ()>,
     /// What a learner has learnt, the last [`crate::news::TRIAL_HISTORY`] trials from before, too.
     pub trials: Subscriber<Ipc, TrialNews, ()>,
+    /// What was measured of each, from now on.
+    pub measures: Subscriber<Ipc, MeasuresNews, ()>,
     member: Arc<Member>,
 }
 
@@ -34,6 +36,7 @@ impl ObserverPorts {
                 in_loop: subscriber(&latest(node, IN_LOOP, &IN_LOOP_QOS, door)?, IN_LOOP)?,
                 outcomes: subscriber(&latest(node, OUTCOME, &OUTCOME_QOS, door)?, OUTCOME)?,
                 trials: subscriber(&latest(node, TRIAL, &TRIAL_QOS, door)?, TRIAL)?,
+                measures: subscriber(&latest(node, MEASURES, &MEASURES_QOS, door)?, MEASURES)?,
                 member: member.clone(),
             })
         })

@@ -15,7 +15,7 @@ use crate::channel::*;
 use crate::command::{Command, Reply};
 use crate::episode::{Ack, EpisodeHeader, MAX_RECORDS, TickRecord};
 use crate::generation::sweep;
-use crate::news::TrialNews;
+use crate::news::{MeasuresNews, TrialNews};
 pub use crate::observer::ObserverPorts;
 use crate::policy::PolicyMsg;
 use crate::telemetry::{Heartbeat, Telemetry};
@@ -37,6 +37,7 @@ pub struct ControllerPorts {
     pub learner_beat: Subscriber<Ipc, Heartbeat, ()>,
     /// Between learner and observers: here it only exists.
     _trials: PubSub<TrialNews>,
+    _measures: PubSub<MeasuresNews>,
     cell: Cell,
     // Last, so that it is dropped after the ports: it owns their liveness.
     member: Member,
@@ -79,6 +80,7 @@ impl ControllerPorts {
             in_loop: publisher(&latest(node, IN_LOOP, &IN_LOOP_QOS, door)?, IN_LOOP)?,
             outcomes: publisher(&latest(node, OUTCOME, &OUTCOME_QOS, door)?, OUTCOME)?,
             _trials: latest(node, TRIAL, &TRIAL_QOS, door)?,
+            _measures: latest(node, MEASURES, &MEASURES_QOS, door)?,
             beat: publisher(&latest(node, CONTROLLER_BEAT, &BEAT_QOS, door)?, CONTROLLER_BEAT)?,
             learner_beat: subscriber(&latest(node, LEARNER_BEAT, &BEAT_QOS, door)?, LEARNER_BEAT)?,
             commands: commands(node, door)?
@@ -127,6 +129,7 @@ pub struct LearnerPorts {
     pub acks: Publisher<Ipc, Ack, ()>,
     /// What was learnt, for observers.
     pub trials: Publisher<Ipc, TrialNews, ()>,
+    pub measures: Publisher<Ipc, MeasuresNews, ()>,
     pub beat: Publisher<Ipc, Heartbeat, ()>,
     pub controller_beat: Subscriber<Ipc, Heartbeat, ()>,
     cell: Cell,
@@ -157,6 +160,7 @@ impl LearnerPorts {
                 .map_err(failed(EPISODE, "creating the listener"))?,
             acks: publisher(&latest(node, ACK, &ACK_QOS, door)?, ACK)?,
             trials: publisher(&latest(node, TRIAL, &TRIAL_QOS, door)?, TRIAL)?,
+            measures: publisher(&latest(node, MEASURES, &MEASURES_QOS, door)?, MEASURES)?,
             beat: publisher(&latest(node, LEARNER_BEAT, &BEAT_QOS, door)?, LEARNER_BEAT)?,
             controller_beat: subscriber(
                 &latest(node, CONTROLLER_BEAT, &BEAT_QOS, door)?,
@@ -189,6 +193,7 @@ impl LearnerPorts {
         let _ = self.policies.update_connections();
         let _ = self.acks.update_connections();
         let _ = self.trials.update_connections();
+        let _ = self.measures.update_connections();
     }
 }
 

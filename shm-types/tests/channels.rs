@@ -61,7 +61,10 @@ fn policy_goes_out_and_its_episode_comes_back_in_place() {
     let records = episode.user_header().validate(episode.payload()).unwrap();
     assert_eq!((records.len(), records[29].t_s), (30, 29.0));
 
-    learner.acks.send_copy(Ack { schema: SCHEMA, session: 1, durable_rollout: 7 }).unwrap();
+    learner
+        .acks
+        .send_copy(Ack { schema: SCHEMA, session: 1, durable_rollout: 7, success: 1 })
+        .unwrap();
     let ack = eventually("ack", || controller.acks.receive().unwrap());
     assert_eq!(ack.durable_rollout, 7);
 

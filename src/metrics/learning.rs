@@ -3,6 +3,7 @@
 use std::time::{Duration, Instant};
 
 use shm_types::cell::Cell;
+use shm_types::measures::Measures;
 use shm_types::ports::ObserverPorts;
 
 use crate::watch::session::WatchedSession;
@@ -35,6 +36,9 @@ impl Learning {
         while let Ok(Some(news)) = ports.trials.receive() {
             self.session.take(&news);
         }
+        while let Ok(Some(news)) = ports.measures.receive() {
+            self.session.measured(&news);
+        }
         while let Ok(Some(_)) = ports.telemetry.receive() {
             self.ticked = Some(Instant::now());
         }
@@ -45,6 +49,11 @@ impl Learning {
         let tick = self.ticked.map(|at| ("tick_age", "Since the newest tick", at.elapsed()));
         let trial = self.session.trial_age().map(|age| ("trial_age", "Since the last trial", age));
         tick.into_iter().chain(trial)
+    }
+
+    /// What was measured of the newest trial.
+    pub fn measures(&self) -> Option<&Measures> {
+        self.session.measures.as_ref()
     }
 
     /// Name, help and value; none before the first trial.

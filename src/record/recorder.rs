@@ -6,7 +6,7 @@ use anyhow::Result;
 use shm_types::telemetry::TelemetryTick;
 
 use super::file::{RecordingFile, free};
-use super::messages::{Mixture, Trial};
+use super::messages::{Measures, Mixture, Trial};
 use super::scribe::{Detail, Scribe};
 use super::watcher::Seen;
 
@@ -81,11 +81,12 @@ impl Recorder {
             Seen::Outcome(header) => self.scribe.outcome(header),
             Seen::Tick(..) => {} // has a time of its own
             Seen::Trial(news) => {
-                self.scribe.trial(&Trial::from(&**news), &news.measures);
+                self.scribe.trial(&Trial::from(&**news));
                 if let Some(mixture) = Mixture::of_news(news) {
                     self.scribe.mixture(&mixture);
                 }
             }
+            Seen::Measures(news) => self.scribe.measures(&Measures::from(&**news)),
             Seen::Lost(ticks) => self.scribe.warn(format!("{ticks} ticks were not seen")),
             Seen::ControllerGone => self.scribe.warn("the controller has gone".into()),
             Seen::ControllerBack => self.scribe.warn("a controller is there again".into()),

@@ -108,6 +108,7 @@ fn type_of(kind: &str) -> Type {
         "float" => Type::Float,
         "double" => Type::Double,
         "bool" => Type::Bool,
+        "string" => Type::String,
         "message" => Type::Message,
         other => unreachable!("no message has a field of kind {other}"),
     }

@@ -14,7 +14,6 @@ use std::sync::Arc;
 use foxglove::messages::{FrameTransforms, JointStates, Log, SceneUpdate, Timestamp, log};
 use foxglove::{Channel, Context};
 use shm_types::episode::EpisodeHeader;
-use shm_types::measures;
 use shm_types::policy::PolicyMsg;
 use shm_types::telemetry::TelemetryTick;
 
@@ -143,10 +142,12 @@ impl Scribe {
         self.outcomes.log_with_time(&Outcome::from(header), self.now_ns);
     }
 
-    /// A trial, with what was measured of it.
-    pub fn trial(&self, trial: &Trial, measures: &measures::Measures) {
+    pub fn trial(&self, trial: &Trial) {
         self.trials.log_with_time(trial, self.now_ns);
-        self.measures.log_with_time(&Measures::of(trial, measures), self.now_ns);
+    }
+
+    pub fn measures(&self, measures: &Measures) {
+        self.measures.log_with_time(measures, self.now_ns);
     }
 
     pub fn mixture(&self, mixture: &Mixture) {

@@ -13,7 +13,7 @@ use shm_types::episode::{EpisodeHeader, TickRecord};
 use shm_types::policy::PolicyMsg;
 use shm_types::telemetry::TelemetryTick;
 
-use super::messages::{Mixture, Trial};
+use super::messages::{Measures, Mixture, Trial};
 use super::recorder::{Attachment, Limits, Recorder};
 use super::scribe::Scribe;
 
@@ -67,7 +67,8 @@ impl SessionRecorder {
 
     pub fn trial(&mut self, report: &TrialReport) {
         let trial = Trial::new(self.session, self.policy_digest, report);
-        self.recorder.scribe().trial(&trial, &report.measures);
+        self.recorder.scribe().trial(&trial);
+        self.recorder.scribe().measures(&Measures::of(&trial, &report.measures));
     }
 
     pub fn modes(&mut self, reports: &[ModeReport]) {

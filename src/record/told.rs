@@ -4,7 +4,7 @@ use learner::modes::ModeReport;
 use learner::summary::TrialReport;
 use shm_types::episode::EpisodeHeader;
 use shm_types::measures;
-use shm_types::news::{TRIAL_SET_ASIDE, TRIAL_SUCCESS, TrialNews};
+use shm_types::news::{MeasuresNews, TRIAL_SET_ASIDE, TRIAL_SUCCESS, TrialNews};
 use shm_types::policy::PolicyMsg;
 
 use super::messages::{Measure, Measures, Mixture, Mode, Outcome, Policy, Spring, Trial};
@@ -49,18 +49,33 @@ impl From<&EpisodeHeader> for Outcome {
 impl Measures {
     /// Of the rollout that `trial` tells of.
     pub fn of(trial: &Trial, measures: &measures::Measures) -> Measures {
-        let all = measures.iter().map(|measure| Measure {
-            name: measure.name.into(),
-            unit: measure.unit.into(),
-            value: measure.value,
-        });
         Measures {
             session: trial.session,
             rollout: trial.rollout,
             policy_digest: trial.policy_digest,
-            measures: all.collect(),
+            measures: by_name(measures),
         }
     }
+}
+
+impl From<&MeasuresNews> for Measures {
+    fn from(news: &MeasuresNews) -> Measures {
+        Measures {
+            session: news.session,
+            rollout: news.rollout,
+            policy_digest: news.policy_digest,
+            measures: by_name(&news.measures),
+        }
+    }
+}
+
+fn by_name(measures: &measures::Measures) -> Vec<Measure> {
+    let named = measures.iter().map(|measure| Measure {
+        name: measure.name.into(),
+        unit: measure.unit.into(),
+        value: measure.value,
+    });
+    named.collect()
 }
 
 impl From<&[ModeReport]> for Mixture {

@@ -9,7 +9,7 @@ use shm_types::SCHEMA;
 use shm_types::cell::{Cell, Role};
 use shm_types::channel::ChannelError;
 use shm_types::episode::EpisodeHeader;
-use shm_types::news::TrialNews;
+use shm_types::news::{MeasuresNews, TrialNews};
 use shm_types::policy::PolicyMsg;
 use shm_types::ports::ObserverPorts;
 use shm_types::telemetry::TelemetryTick;
@@ -28,6 +28,7 @@ pub enum Seen {
     /// A tick, and its time since the epoch, ns.
     Tick(Box<TelemetryTick>, u64),
     Trial(Box<TrialNews>),
+    Measures(Box<MeasuresNews>),
     /// So many ticks are missing before the next one.
     Lost(u64),
     /// The controller has gone; another one is looked for.
@@ -94,6 +95,11 @@ impl Watcher {
         while let Some(news) = ports.trials.receive()? {
             if news.validate().is_ok() {
                 self.seen.push_back(Seen::Trial(Box::new(*news)));
+            }
+        }
+        while let Some(news) = ports.measures.receive()? {
+            if news.validate().is_ok() {
+                self.seen.push_back(Seen::Measures(Box::new(*news)));
             }
         }
         let is_current = ports.is_current();

@@ -36,7 +36,7 @@ use shm_types::policy::PolicyMsg;
 
 use crate::draw::figure::Figure;
 pub use modes::ModeRow;
-pub use plane::{Plane, Reward};
+pub use plane::Plane;
 
 /// What a report shows.
 pub struct ReportData {

@@ -144,7 +144,7 @@ mod tests {
     #[test]
     fn draws_one_point_per_rollout() {
         let data = sample::session(40);
-        let svg = draw(&data.trials, &LEGEND, HALF).inline();
+        let svg = draw(&data, &LEGEND, HALF).inline();
         let points = svg.matches("dot success").count() + svg.matches("dot failure").count();
         assert_eq!(points, 40 + 2, "forty points and two in the legend");
     }

@@ -86,6 +86,7 @@ mod tests {
             rollout,
             theta: nalgebra::DVector::zeros(1),
             reward: 0.0,
+            success: false,
             policy_id: rollout,
             policy_digest: 0,
             boot_id,

@@ -2,7 +2,7 @@
 //!
 //! A new task is a file with a `TASK` in it, and its name in the list below.
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use learner::judge::{Declared, Measurer, PlantMeasures};
 use physics::action::ActionWorld;
 use physics::arm::{ArmModel, JointVector};
@@ -84,12 +84,4 @@ pub fn find(name: &str) -> Result<&'static Task> {
         let (last, others) = names.split_last().expect("there are tasks");
         format!("task.name is '{name}': use {} or {last}", others.join(", "))
     })
-}
-
-/// The arm's world of the task that `config` names.
-pub fn arm_world(config: &Config) -> Result<ArmWorld> {
-    match config.task()?.world {
-        World::Arm(world) => world(config),
-        World::Action(_) => bail!("the task {} has no arm", config.task.name),
-    }
 }

@@ -68,6 +68,9 @@ pub fn json(model: &Model, watcher: &Watcher) -> String {
         "best_rollout": best.map(|(rollout, _)| rollout),
         "success_last20": session.success_last20(),
         "modes": session.modes.len(),
+        "measures": session.measures.map(|measures| -> serde_json::Map<_, _> {
+            measures.iter().map(|measure| (measure.name.to_string(), json!(measure.value))).collect()
+        }),
     })
     .to_string()
 }

@@ -81,6 +81,7 @@ impl Model {
         match seen {
             Seen::Tick(tick, _) => self.take_tick(tick),
             Seen::Trial(news) => self.session.take(news),
+            Seen::Measures(news) => self.session.measured(news),
             Seen::ControllerBack => {
                 // Another loop, with times of its own.
                 (self.last, self.shown, self.current) = (TelemetryTick::ZERO, None, Times::new());

@@ -11,7 +11,7 @@ use super::vitals::Vitals;
 use crate::cell::NamedCell;
 use crate::health::Health;
 use crate::record;
-use crate::record::messages::{Mixture, Trial};
+use crate::record::messages::{Measures, Mixture, Trial};
 use crate::record::scribe::Detail;
 use crate::record::watcher::{Seen, Watcher};
 use crate::stderr::say;
@@ -60,11 +60,12 @@ pub fn run(
                 Seen::Policy(policy) => scribe.policy(&policy),
                 Seen::Outcome(header) => scribe.outcome(&header),
                 Seen::Trial(news) => {
-                    scribe.trial(&Trial::from(&*news), &news.measures);
+                    scribe.trial(&Trial::from(&*news));
                     if let Some(mixture) = Mixture::of_news(&news) {
                         scribe.mixture(&mixture);
                     }
                 }
+                Seen::Measures(news) => scribe.measures(&Measures::from(&*news)),
                 // Told below, with those that stand still; ticks are left out on purpose.
                 Seen::ControllerGone | Seen::ControllerBack | Seen::Lost(_) => {}
             }

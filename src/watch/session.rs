@@ -3,7 +3,8 @@
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-use shm_types::news::{ModeNews, TRIAL_SUCCESS, TrialNews};
+use shm_types::measures::Measures;
+use shm_types::news::{MeasuresNews, ModeNews, TRIAL_SUCCESS, TrialNews};
 
 /// Trials remembered.
 const TRIALS: usize = 1000;
@@ -30,6 +31,8 @@ pub struct WatchedSession {
     /// Rollouts the session is to have.
     pub rollouts: u64,
     pub modes: Vec<ModeNews>,
+    /// Of the newest trial of which it was told.
+    pub measures: Option<Measures>,
 }
 
 impl WatchedSession {
@@ -55,6 +58,13 @@ impl WatchedSession {
         }
         if !modes.is_empty() {
             self.modes = modes.to_vec();
+        }
+    }
+
+    /// Takes what was measured of a trial.
+    pub fn measured(&mut self, news: &MeasuresNews) {
+        if news.validate().is_ok() && news.session == self.id {
+            self.measures = Some(news.measures);
         }
     }
 

@@ -226,10 +226,18 @@ fn reward(frame: &mut Frame, model: &Model, area: Rect) {
         [low, 0.5 * (low + high), high].map(|value| format!("{value:.digits$}"))
     };
     let chart = Chart::new(sets)
-        .block(Block::bordered().title(title))
+        .block(Block::bordered().title(title).title_bottom(measures(model)))
         .x_axis(Axis::default().bounds([first, last]).labels(labels(first, last, 0)))
         .y_axis(Axis::default().bounds([bottom, top]).labels(labels(bottom, top, 1)));
     frame.render_widget(chart, area);
+}
+
+/// What was measured of the newest trial, as far as the width allows.
+fn measures(model: &Model) -> String {
+    let all = model.session.measures.as_ref().map(|measures| -> Vec<String> {
+        measures.iter().map(|measure| format!("{} {}", measure.name, measure.text())).collect()
+    });
+    all.map_or(String::new(), |all| format!(" {} ", all.join(", ")))
 }
 
 fn modes_table(model: &Model) -> Table<'static> {

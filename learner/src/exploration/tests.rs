@@ -1,6 +1,7 @@
 //! The directions of the pancake's demonstration, and of skills that lack something.
 
 use super::*;
+use crate::LearnerConfig;
 use crate::problem::Problem;
 use search::Space;
 

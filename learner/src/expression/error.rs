@@ -6,7 +6,11 @@ use std::ops::Range;
 use thiserror::Error;
 
 use super::Kind;
-use super::parse::{MAX_BYTES, MAX_DEPTH};
+
+/// The longest text.
+pub const MAX_BYTES: usize = 4096;
+/// The deepest nesting. A sum of n terms is n deep, as it is (((a + b) + c) + …).
+pub const MAX_DEPTH: usize = 200;
 
 /// Why a text was refused.
 #[derive(Clone, Debug, PartialEq, Error)]

@@ -10,13 +10,8 @@ use winnow::stream::LocatingSlice;
 use winnow::token::{any, one_of, take_while};
 
 use super::Kind;
-use super::error::{ParseError, ParseFault, Place};
+use super::error::{MAX_BYTES, MAX_DEPTH, ParseError, ParseFault, Place};
 use super::tree::{Node, Op};
-
-/// The longest text.
-pub const MAX_BYTES: usize = 4096;
-/// The deepest nesting. A sum of n terms is n deep, as it is (((a + b) + c) + …).
-pub const MAX_DEPTH: usize = 200;
 
 /// Operators between two operands, with their precedence: the higher, the tighter.
 const INFIX: [(&str, Op, u8); 13] = [

@@ -2,8 +2,8 @@
 
 use shm_types::SCHEMA;
 use shm_types::news::{
-    MAX_MODES, ModeNews, TOLERANCE_UNKNOWN, TRIAL_HISTORY, TRIAL_SET_ASIDE, TRIAL_SUCCESS,
-    TrialNews,
+    MAX_MODES, MeasuresNews, ModeNews, TOLERANCE_UNKNOWN, TRIAL_HISTORY, TRIAL_SET_ASIDE,
+    TRIAL_SUCCESS, TrialNews,
 };
 use shm_types::ports::LearnerPorts;
 
@@ -45,6 +45,7 @@ impl News {
             on_event(Event::Modes(&reports));
         }
         self.send(ports, learner, newest);
+        News::measures(ports, learner, newest);
     }
 
     fn send(&self, ports: &LearnerPorts, learner: &Learner, trial: &TrialRecord) {
@@ -60,12 +61,22 @@ impl News {
             fault: trial.fault,
             flags: flag(TRIAL_SUCCESS, trial.success) | flag(TRIAL_SET_ASIDE, trial.set_aside),
             reward: trial.reward,
-            measures: trial.measures,
             n_modes: self.modes.len() as u64,
             modes,
         };
         // Nobody listening is no failure.
         let _ = ports.trials.send_copy(news);
+    }
+
+    /// Tells what was measured of the newest trial.
+    fn measures(ports: &LearnerPorts, learner: &Learner, trial: &TrialRecord) {
+        let _ = ports.measures.send_copy(MeasuresNews {
+            schema: SCHEMA,
+            session: learner.session_id(),
+            rollout: trial.rollout,
+            policy_digest: trial.policy_digest,
+            measures: trial.measures,
+        });
     }
 }
 

@@ -110,3 +110,6 @@ fn measures_of(task: Option<&str>) -> Vec<(&'static str, &'static str, &'static 
         _ => PANCAKE.to_vec(),
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,10 +1,7 @@
 //! The immutable arm: where the joints sit, what the bodies weigh, what the joints may do.
 
-use std::path::Path;
-
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
-use super::urdf::{self, ArmSettings, LoadedArm, UrdfError, UrdfFileError};
 use super::{JointVector, MAX_JOINTS};
 
 /// One moving body B with everything that is rigidly fixed to it, and the joint that moves it.
@@ -61,36 +58,6 @@ pub struct ArmModel {
 }
 
 impl ArmModel {
-    /// Reads an arm from URDF text; `tip` names the link whose frame becomes the task frame.
-    ///
-    /// The chain is the path from the root link to `tip`. Links held by fixed joints are merged
-    /// into the body that carries them, also those beyond the tip or beside the chain. Joints that
-    /// move but are not on the chain are held.
-    ///
-    /// # Errors
-    /// [`UrdfError`] names everything that is wrong, with line, link or joint and the remedy.
-    pub fn from_urdf(text: &str, tip: &str) -> Result<ArmModel, UrdfError> {
-        Self::load(text, tip, &ArmSettings::default()).map(|loaded| loaded.model)
-    }
-
-    /// [`ArmModel::from_urdf`] with what `settings` say, and what was assumed beside the model.
-    ///
-    /// # Errors
-    /// As [`ArmModel::from_urdf`].
-    pub fn load(text: &str, tip: &str, settings: &ArmSettings) -> Result<LoadedArm, UrdfError> {
-        urdf::load(text, tip, settings)
-    }
-
-    /// Reads an arm from a URDF file, see [`ArmModel::from_urdf`].
-    ///
-    /// # Errors
-    /// [`UrdfFileError`] names the file as well.
-    pub fn from_urdf_file(path: impl AsRef<Path>, tip: &str) -> Result<ArmModel, UrdfFileError> {
-        let path = path.as_ref();
-        Self::from_urdf(&urdf::read_file(path)?, tip)
-            .map_err(|error| UrdfFileError::Invalid { path: path.into(), error })
-    }
-
     /// Number of moving joints, 1 to [`MAX_JOINTS`].
     pub fn n_joints(&self) -> usize {
         self.n_joints

@@ -104,8 +104,40 @@ pub fn has_link(text: &str, name: &str) -> bool {
         .is_ok_and(|robot| robot.links.iter().any(|link| link.name == name))
 }
 
+impl ArmModel {
+    /// Reads an arm from URDF text; `tip` names the link whose frame becomes the task frame.
+    ///
+    /// The chain is the path from the root link to `tip`. Links held by fixed joints are merged
+    /// into the body that carries them, also those beyond the tip or beside the chain. Joints that
+    /// move but are not on the chain are held.
+    ///
+    /// # Errors
+    /// [`UrdfError`] names everything that is wrong, with line, link or joint and the remedy.
+    pub fn from_urdf(text: &str, tip: &str) -> Result<ArmModel, UrdfError> {
+        Self::load(text, tip, &ArmSettings::default()).map(|loaded| loaded.model)
+    }
+
+    /// [`ArmModel::from_urdf`] with what `settings` say, and what was assumed beside the model.
+    ///
+    /// # Errors
+    /// As [`ArmModel::from_urdf`].
+    pub fn load(text: &str, tip: &str, settings: &ArmSettings) -> Result<LoadedArm, UrdfError> {
+        load(text, tip, settings)
+    }
+
+    /// Reads an arm from a URDF file, see [`ArmModel::from_urdf`].
+    ///
+    /// # Errors
+    /// [`UrdfFileError`] names the file as well.
+    pub fn from_urdf_file(path: impl AsRef<Path>, tip: &str) -> Result<ArmModel, UrdfFileError> {
+        let path = path.as_ref();
+        Self::from_urdf(&read_file(path)?, tip)
+            .map_err(|error| UrdfFileError::Invalid { path: path.into(), error })
+    }
+}
+
 /// See [`ArmModel::load`].
-pub(super) fn load(text: &str, tip: &str, settings: &ArmSettings) -> Result<LoadedArm, UrdfError> {
+fn load(text: &str, tip: &str, settings: &ArmSettings) -> Result<LoadedArm, UrdfError> {
     let mut findings = Findings::default();
     let robot = document::read(text, &mut findings)?;
     let tree = Tree::new(&robot, &mut findings)?;

@@ -3,7 +3,7 @@
 //! ```
 //! use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 //! use physics::pancake::outcome::{OutcomeConfig, OutcomeTracker};
-//! use physics::plant::{Measurement, ObjectState};
+//! use physics::plant::ObjectState;
 //!
 //! let mut tracker = OutcomeTracker::new(&OutcomeConfig::default());
 //! let X_WP = Isometry3::identity();
@@ -14,14 +14,14 @@
 //!     in_contact: true,
 //! };
 //! for tick in 0..1000 {
-//!     tracker.observe(tick as f64 * 1e-3, &X_WP, &Measurement::of_object(object));
+//!     tracker.observe(tick as f64 * 1e-3, &X_WP, &object);
 //! }
 //! assert!(!tracker.outcome().tossed);
 //! ```
 
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
-use crate::plant::Measurement;
+use crate::plant::ObjectState;
 use crate::referee::{State, Toss, TossConfig};
 
 /// Thresholds of the tracker.
@@ -168,12 +168,11 @@ impl OutcomeTracker {
 
     /// Takes one tick: time (s, increasing), pose of the pan, state of the pancake. Ticks after
     /// the end are ignored.
-    pub fn observe(&mut self, t_s: f64, X_WP: &Isometry3<f64>, measured: &Measurement) {
+    pub fn observe(&mut self, t_s: f64, X_WP: &Isometry3<f64>, object: &ObjectState) {
         if self.is_finished() {
             return;
         }
-        self.toss.observe(t_s, X_WP, measured);
-        let object = &measured.object;
+        self.toss.observe(t_s, X_WP, object);
         let now =
             Sample { t_s, p_WO: object.p_WO, R_WO: object.R_WO, in_contact: object.in_contact };
         let first = *self.first.get_or_insert(now);

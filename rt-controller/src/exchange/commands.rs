@@ -18,9 +18,10 @@ use thiserror::Error;
 use crate::admit::admission::AdmissionError;
 use crate::disk::catalogue::CatalogueError;
 use crate::disk::state_file::Remember;
-use crate::exchange::swap::{Applied, Served, SwapRefused};
+use crate::exchange::swap::{Served, SwapRefused};
 use crate::exchange::{Exchange, KNOWN};
 use crate::fault::Fault;
+use crate::rings::Applied;
 
 /// Replies kept for repeated commands.
 const RECENT: usize = 64;

@@ -14,7 +14,7 @@ use crate::exchange::swap::Served;
 use crate::exchange::{Exchange, InFlight};
 use crate::executor::recording::Recording;
 use crate::fault::Fault;
-use crate::serve::{Done, Job};
+use crate::rings::{Done, Job};
 
 impl<P: Clone + PartialEq> Exchange<'_, P> {
     /// Takes the loop's word on swaps, and tells who asked for them.

@@ -6,6 +6,7 @@ pub(crate) mod learner_link;
 pub(crate) mod loop_report;
 pub(crate) mod rearm;
 pub(crate) mod serving;
+pub(crate) mod setup;
 pub(crate) mod stalls;
 pub(crate) mod status;
 pub(crate) mod swap;
@@ -22,8 +23,6 @@ use shm_types::ports::ControllerPorts;
 use shm_types::service_manager::{Notice, notify};
 use shm_types::telemetry::Heartbeat;
 
-use crate::admit::admission::AdmissionError;
-use crate::config::Pace;
 use crate::disk::catalogue::Catalogue;
 use crate::disk::flight_files::FlightFiles;
 use crate::disk::spool::Spool;
@@ -32,12 +31,13 @@ use crate::exchange::commands::Commands;
 use crate::exchange::learner_link::LearnerLink;
 use crate::exchange::loop_report::LoopReport;
 use crate::exchange::serving::Serving;
+use crate::exchange::setup::Setup;
 use crate::exchange::stalls::Stalls;
 use crate::exchange::swap::Served;
-use crate::executor::latch::{Latch, Latched};
+use crate::executor::latch::Latched;
 use crate::fault::Fault;
-use crate::run::RunSummary;
-use crate::serve::{ExchangeEnds, Swap};
+use crate::rings::{ExchangeEnds, Swap};
+use crate::summary::RunSummary;
 
 const POLL: Duration = Duration::from_micros(200);
 /// Rounds without work before the thread sleeps: what comes in bursts is answered at once.
@@ -48,41 +48,6 @@ const HOUSEKEEPING: Duration = Duration::from_secs(1);
 const MAX_LEAKED: usize = 4;
 /// Policies that need no second dry run.
 pub(crate) const KNOWN: usize = 16;
-
-/// Checks a message; the policy to execute and the records it can fill.
-type Admit<'a, P> = &'a dyn Fn(&PolicyMsg) -> Result<(P, usize), AdmissionError>;
-
-/// What the exchange needs to know of its controller.
-pub(crate) struct Setup<'a, P> {
-    /// Of a proposal, which is executed once.
-    pub admit: Admit<'a, P>,
-    /// Of a policy that is to be served: with the dry run.
-    pub admit_to_serve: Admit<'a, P>,
-    pub period_ns: u64,
-    /// Time between two records.
-    pub record_ns: u64,
-    pub pace: Pace,
-    pub privileged: &'a AtomicBool,
-    pub latch: &'a Latch,
-    pub n_joints: usize,
-    /// A policy can be exchanged within a rollout, and takes over within so many ticks.
-    pub can_swap: bool,
-    pub blend_ticks: u64,
-    /// Serve without a learner that was not heard for so long; never when absent.
-    pub alone_after: Option<Duration>,
-    /// Where the catalogue lives; in memory when absent.
-    pub state: Option<&'a Path>,
-}
-
-impl<P> Setup<'_, P> {
-    pub fn is_realtime(&self) -> bool {
-        self.pace == Pace::Realtime
-    }
-
-    pub fn is_privileged(&self) -> bool {
-        self.privileged.load(Ordering::Relaxed)
-    }
-}
 
 /// The rollout that the loop executes.
 pub(crate) struct InFlight<P> {

@@ -10,7 +10,8 @@ use std::sync::Arc;
 use shm_types::command::AT_NOW;
 use shm_types::policy::PolicyName;
 
-use crate::exchange::swap::{Applied, Served, Stage, SwapRefused, Swapping};
+use crate::exchange::swap::{Served, Stage, SwapRefused, Swapping};
+use crate::rings::Applied;
 
 /// Activations that can be rolled back one after the other.
 const MAX_PREVIOUS: usize = 32;

@@ -52,16 +52,3 @@ pub(crate) enum Stage {
     /// Acts, and the old policy fades out until this tick.
     Fading { until: u64 },
 }
-
-/// The loop's word that a swap is done.
-#[derive(Debug)]
-pub(crate) struct Applied<P> {
-    pub seq: u64,
-    /// First tick in which no other policy acts alone, and when it began, ns.
-    pub tick: u64,
-    pub at_ns: u64,
-    /// A rollout is in progress.
-    pub in_rollout: bool,
-    /// What the loop now holds, to be compared with what it was sent.
-    pub policy: P,
-}

@@ -13,15 +13,16 @@ use shm_types::policy::PolicyMsg;
 
 use crate::admit::admission::{Action, admit_action};
 use crate::config::Pace;
-use crate::exchange::Setup;
-use crate::exchange::swap::Applied;
+use crate::exchange::setup::Setup;
 use crate::executor::latch::Latch;
 use crate::executor::recording::Recording;
 use crate::fault::Fault;
 use crate::hot::rollout::Phase;
+use crate::rings::Applied;
+use crate::rings::{Done, Ends, Job};
 use crate::rt::now_ns;
-use crate::run::{RunError, RunSummary};
-use crate::serve::{Done, Ends, Job, serve};
+use crate::serve::serve;
+use crate::summary::{RunError, RunSummary};
 
 /// How long the thread sleeps while there is nothing to do.
 const IDLE_SLEEP: Duration = Duration::from_micros(100);

@@ -14,7 +14,6 @@ use shm_types::measures::Measures;
 use shm_types::telemetry::TelemetryTick;
 
 use crate::config::ControllerConfig;
-use crate::exchange::swap::Applied;
 use crate::executor::flight::{FlightRecord, FlightTick};
 use crate::executor::latch::Latch;
 use crate::executor::recording::Recording;
@@ -22,8 +21,9 @@ use crate::fault::Fault;
 use crate::hot::policy::Policy;
 use crate::hot::rollout::Phase;
 use crate::hot::tick::Controller;
+use crate::rings::Applied;
+use crate::rings::{Done, Ends, Job};
 use crate::rt::{Clock, Wake, now_ns};
-use crate::serve::{Done, Ends, Job};
 
 /// How long an unpaced loop sleeps while there is nothing to do.
 const IDLE_SLEEP: Duration = Duration::from_micros(100);
@@ -143,12 +143,12 @@ impl<'a, P: Plant> RtLoop<'a, P> {
             self.preparing = self.ends.jobs.pop().ok();
             if self.preparing.is_some() {
                 self.plant.begin_reset();
+                if self.plant.is_simulated() {
+                    self.controller.enter_fresh_world();
+                }
             }
         }
         if let Some(job) = self.preparing.take_if(|_| self.plant.is_ready()) {
-            if self.plant.is_simulated() {
-                self.controller.enter_fresh_world();
-            }
             self.controller.start(&job.policy);
             self.policy_digest = job.policy_digest;
             let recording = Recording::new(self.record_stride);

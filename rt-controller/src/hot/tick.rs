@@ -101,6 +101,7 @@ impl<'a> Controller<'a> {
         let start = Estimate { q: *self.rollout.q0(), qd: JointVector::zeros() };
         self.last_tau = Some(rest_torque(self.model, &start));
         self.estimate = Some(start);
+        self.rollout.stay();
     }
 
     /// Begins a rollout from where the arm is: Approach, then Execute and Settle under `policy`. Not

@@ -36,8 +36,8 @@ fn a_policy_is_springs_or_an_action() {
     assert_eq!((action.validate(), action.actions()), (Ok(()), &[8.0, 2.0][..]));
     let both = PolicyMsg { n_actions: 1, ..valid() }.sealed().validate();
     assert_eq!(both, Err(PolicyMsgError::Actions { actions: 1, components: 8 }));
-    let many = PolicyMsg { n_actions: 9, ..PolicyMsg::EMPTY }.sealed();
-    assert!(many.validate().unwrap_err().to_string().contains("n_actions is 9"));
+    let many = PolicyMsg { n_actions: 17, ..PolicyMsg::EMPTY }.sealed();
+    assert!(many.validate().unwrap_err().to_string().contains("n_actions is 17"));
     let nan = PolicyMsg::of_action(&[f64::NAN]).sealed();
     assert!(nan.validate().unwrap_err().to_string().contains("action is NaN"));
     let torn = PolicyMsg { action: [8.1; MAX_ACTIONS], ..action };

@@ -6,7 +6,7 @@ use learner::judge::{Declared, Measurer};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use physics::arm::{ArmModel, JointVector, kinematics};
 use physics::pancake::outcome::{Outcome, OutcomeConfig, OutcomeTracker};
-use physics::plant::{Measurement, ObjectState};
+use physics::plant::ObjectState;
 use shm_types::TASK_DIM;
 use shm_types::episode::{EpisodeHeader, FLAG_IN_CONTACT, FLAG_TORQUE_CLIPPED, TickRecord};
 use shm_types::measures::{Measure, Measures, MeasuresError, TRUTH};
@@ -35,8 +35,7 @@ impl Measurer for PancakeMeasurer {
             if record.x != [0.0; TASK_DIM] {
                 let q = JointVector::from(record.q);
                 let X_WP = kinematics::tip_pose(&self.model, &q);
-                let measured = Measurement::of_object(object(record));
-                tracker.observe(i as f64 * self.record_s, &X_WP, &measured);
+                tracker.observe(i as f64 * self.record_s, &X_WP, &object(record));
             }
         }
         let clipped = records.iter().filter(|record| record.flags & FLAG_TORQUE_CLIPPED != 0);

@@ -6,7 +6,6 @@ use roxmltree::Node;
 
 use super::attributes::Reader;
 use super::finding::{Findings, UrdfError, UrdfFault};
-use super::tree;
 use super::xml::{Source, attribute, child, is};
 
 /// A URDF as it was written, each element with its line.
@@ -134,7 +133,7 @@ pub(super) fn read(text: &str, findings: &mut Findings) -> Result<Robot, UrdfErr
         findings.fault(source.line(root), fault);
     }
     findings.check()?;
-    tree::add_root(&mut robot, findings);
+    add_root(&mut robot, findings);
     Ok(robot)
 }
 
@@ -251,5 +250,22 @@ impl Reader<'_, '_> {
             self.findings.fault(self.source.line(*node), fault);
         }
         name
+    }
+}
+
+/// Adds the link that a part of a larger robot hangs on and does not bring along, such as "world".
+fn add_root(robot: &mut Robot, findings: &mut Findings) {
+    let has_link = |name: &str| robot.links.iter().any(|link| link.name == name);
+    let mut roots: Vec<&Joint> =
+        robot.joints.iter().filter(|joint| !has_link(&joint.parent)).collect();
+    roots.dedup_by_key(|joint| &joint.parent);
+    let is_carried = |link: &Link| robot.joints.iter().any(|joint| joint.child == link.name);
+    if let [joint] = roots[..]
+        && robot.links.iter().all(is_carried)
+    {
+        let text = format!("the link \"{}\" is not in the file: taken as the world", joint.parent);
+        findings.note(joint.line, text);
+        let (name, line) = (joint.parent.clone(), joint.line);
+        robot.links.push(Link { name, line, inertial: None, has_shape: false });
     }
 }

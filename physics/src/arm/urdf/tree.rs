@@ -160,23 +160,6 @@ impl<'a> Tree<'a> {
     }
 }
 
-/// Adds the link that a part of a larger robot hangs on and does not bring along, such as "world".
-pub(super) fn add_root(robot: &mut Robot, findings: &mut Findings) {
-    let has_link = |name: &str| robot.links.iter().any(|link| link.name == name);
-    let mut roots: Vec<&Joint> =
-        robot.joints.iter().filter(|joint| !has_link(&joint.parent)).collect();
-    roots.dedup_by_key(|joint| &joint.parent);
-    let is_carried = |link: &Link| robot.joints.iter().any(|joint| joint.child == link.name);
-    if let [joint] = roots[..]
-        && robot.links.iter().all(is_carried)
-    {
-        let text = format!("the link \"{}\" is not in the file: taken as the world", joint.parent);
-        findings.note(joint.line, text);
-        let (name, line) = (joint.parent.clone(), joint.line);
-        robot.links.push(Link { name, line, inertial: None, has_shape: false });
-    }
-}
-
 /// Pose X_AB0 of a moving joint's body frame in the body before it, at q = 0.
 pub(super) fn joint_pose(
     joint: &Joint,

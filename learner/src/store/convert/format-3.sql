@@ -1,0 +1,95 @@
+-- A session: everything needed to resume it, readable with any SQLite tool.
+-- θ, mean and std are BLOBs of little-endian f64 in scaled units (path: f32, 20 columns a row).
+-- seal: digest of all other columns of the row (see `seal.rs`).
+-- 64-bit identities (session, boot, digest) are hexadecimal text: SQLite's integers are signed.
+
+CREATE TABLE meta (
+    key TEXT PRIMARY KEY,
+    seal INTEGER,
+    value TEXT NOT NULL
+) STRICT;
+
+CREATE TABLE policies (
+    policy_id INTEGER PRIMARY KEY,
+    seal INTEGER,
+    kind TEXT NOT NULL CHECK (kind IN ('initial', 'trial', 'mode')),
+    rollout INTEGER NOT NULL,
+    digest TEXT NOT NULL,
+    message TEXT NOT NULL
+) STRICT;
+
+-- Written before the policy is published.
+CREATE TABLE proposals (
+    rollout INTEGER PRIMARY KEY,
+    seal INTEGER,
+    theta BLOB NOT NULL
+) STRICT;
+
+CREATE TABLE trials (
+    rollout INTEGER PRIMARY KEY REFERENCES proposals (rollout),
+    seal INTEGER,
+    theta BLOB NOT NULL,
+    reward REAL NOT NULL,
+    success INTEGER NOT NULL,
+    -- 1: it gave no usable episode; the search was not told.
+    set_aside INTEGER NOT NULL,
+    policy_id INTEGER NOT NULL REFERENCES policies (policy_id),
+    policy_digest TEXT NOT NULL,
+    boot_id TEXT NOT NULL,
+    applied_tick INTEGER NOT NULL,
+    fault INTEGER NOT NULL,
+    n_records INTEGER NOT NULL,
+    outcome_flags INTEGER NOT NULL,
+    value REAL NOT NULL,
+    release_time_s REAL NOT NULL,
+    release_speed_m_s REAL NOT NULL,
+    release_spin_rad_s REAL NOT NULL,
+    apex_m REAL NOT NULL,
+    crossing_time_s REAL NOT NULL,
+    flip_angle_rad REAL NOT NULL,
+    distance_m REAL NOT NULL,
+    lateral_m REAL NOT NULL,
+    final_lateral_m REAL NOT NULL,
+    release_pitch_rate_rad_s REAL NOT NULL,
+    bounce_s REAL NOT NULL,
+    clipped_share REAL NOT NULL,
+    path BLOB NOT NULL
+) STRICT;
+
+-- The state of the search after a trial: the distribution of the next proposal.
+CREATE TABLE searches (
+    rollout INTEGER PRIMARY KEY REFERENCES trials (rollout),
+    seal INTEGER,
+    mean BLOB NOT NULL,
+    std BLOB NOT NULL,
+    floor REAL NOT NULL
+) STRICT;
+
+-- What the search has found, written when it stops: mean and covariance in scaled units, the latter
+-- by columns. All of it follows from the trials.
+CREATE TABLE modes (
+    mode INTEGER PRIMARY KEY,
+    seal INTEGER,
+    prior REAL NOT NULL,
+    mean BLOB NOT NULL,
+    covariance BLOB NOT NULL,
+    policy_id INTEGER NOT NULL REFERENCES policies (policy_id),
+    trials INTEGER NOT NULL,
+    best_rollout INTEGER,
+    best_reward REAL,
+    tolerance REAL
+) STRICT;
+
+-- Means of modes that must not be used.
+CREATE TABLE forbidden (
+    id INTEGER PRIMARY KEY,
+    seal INTEGER,
+    mean BLOB NOT NULL
+) STRICT;
+
+CREATE TABLE events (
+    id INTEGER PRIMARY KEY,
+    seal INTEGER,
+    kind TEXT NOT NULL,
+    text TEXT NOT NULL
+) STRICT;

@@ -1,0 +1,45 @@
+//! What the exchange needs to know of its controller.
+
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use shm_types::policy::PolicyMsg;
+
+use crate::admit::admission::AdmissionError;
+use crate::config::Pace;
+use crate::executor::latch::Latch;
+
+/// Checks a message; the policy to execute and the records it can fill.
+type Admit<'a, P> = &'a dyn Fn(&PolicyMsg) -> Result<(P, usize), AdmissionError>;
+
+pub(crate) struct Setup<'a, P> {
+    /// Of a proposal, which is executed once.
+    pub admit: Admit<'a, P>,
+    /// Of a policy that is to be served: with the dry run.
+    pub admit_to_serve: Admit<'a, P>,
+    pub period_ns: u64,
+    /// Time between two records.
+    pub record_ns: u64,
+    pub pace: Pace,
+    pub privileged: &'a AtomicBool,
+    pub latch: &'a Latch,
+    pub n_joints: usize,
+    /// A policy can be exchanged within a rollout, and takes over within so many ticks.
+    pub can_swap: bool,
+    pub blend_ticks: u64,
+    /// Serve without a learner that was not heard for so long; never when absent.
+    pub alone_after: Option<Duration>,
+    /// Where the catalogue lives; in memory when absent.
+    pub state: Option<&'a Path>,
+}
+
+impl<P> Setup<'_, P> {
+    pub fn is_realtime(&self) -> bool {
+        self.pace == Pace::Realtime
+    }
+
+    pub fn is_privileged(&self) -> bool {
+        self.privileged.load(Ordering::Relaxed)
+    }
+}

@@ -1,0 +1,71 @@
+//! What the executing thread and the exchange thread hand each other, through wait-free rings.
+
+use rtrb::{Consumer, Producer};
+use shm_types::channel::EpisodeLoan;
+use shm_types::measures::Measures;
+use shm_types::telemetry::TelemetryTick;
+
+use crate::executor::flight::FlightRecord;
+use crate::executor::recording::Recording;
+use crate::fault::Fault;
+
+/// A rollout to execute: travels exchange → executing thread with the memory its records go to.
+pub(crate) struct Job<P> {
+    pub policy: P,
+    pub policy_digest: u64,
+    pub episode: EpisodeLoan,
+    /// The swap that it fulfils, to be acknowledged when the policy acts.
+    pub swap: Option<u64>,
+    /// A learner's proposal: a fault in it is its episode's matter.
+    pub is_experiment: bool,
+}
+
+/// A policy for the rollout in progress.
+pub(crate) struct Swap<P> {
+    pub seq: u64,
+    pub policy: P,
+    pub policy_digest: u64,
+}
+
+/// An executed rollout: travels back.
+pub(crate) struct Done {
+    pub episode: EpisodeLoan,
+    pub recording: Recording,
+    pub fault: Fault,
+    /// What only the plant could measure.
+    pub measures: Measures,
+}
+
+/// The loop's word that a swap is done.
+#[derive(Debug)]
+pub(crate) struct Applied<P> {
+    pub seq: u64,
+    /// First tick in which no other policy acts alone, and when it began, ns.
+    pub tick: u64,
+    pub at_ns: u64,
+    /// A rollout is in progress.
+    pub in_rollout: bool,
+    /// What the loop now holds, to be compared with what it was sent.
+    pub policy: P,
+}
+
+/// The executing thread's ends of the rings.
+pub(crate) struct Ends<P> {
+    pub jobs: Consumer<Job<P>>,
+    pub swaps: Consumer<Swap<P>>,
+    pub applied: Producer<Applied<P>>,
+    pub done: Producer<Done>,
+    pub telemetry: Producer<TelemetryTick>,
+    pub flights: Producer<Box<FlightRecord>>,
+    pub spare_flights: Consumer<Box<FlightRecord>>,
+}
+
+/// The exchange thread's ends.
+pub(crate) struct ExchangeEnds<P> {
+    pub jobs: Producer<Job<P>>,
+    pub swaps: Producer<Swap<P>>,
+    pub applied: Consumer<Applied<P>>,
+    pub done: Consumer<Done>,
+    pub flights: Consumer<Box<FlightRecord>>,
+    pub spare_flights: Producer<Box<FlightRecord>>,
+}
