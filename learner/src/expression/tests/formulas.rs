@@ -2,7 +2,7 @@
 
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use shm_types::episode::{OUTCOME_SUCCESS, OUTCOME_TOSSED, OutcomeMsg};
+use shm_types::measures::{Measure, Measures, TRUTH};
 
 use super::super::Expression;
 use super::super::Kind::{self, Number, Truth};
@@ -33,43 +33,25 @@ const CATCH: &str = "
     + if(caught, 0.5*exp(-max(bounce_s, 0)/0.05), 0)
     + if(caught, 0.5*exp(-max(clipped_share, 0)/0.05), 0)";
 
-fn values(outcome: &OutcomeMsg) -> [f64; 9] {
-    [
-        outcome.crossing_time_s,
-        outcome.flip_angle_rad,
-        outcome.distance_m,
-        outcome.lateral_m,
-        outcome.final_lateral_m,
-        outcome.apex_m,
-        outcome.bounce_s,
-        outcome.clipped_share,
-        f64::from(outcome.has(OUTCOME_SUCCESS)),
-    ]
+/// Around what a toss measures, beyond the clamps on both sides, and 0 now and then.
+fn random_values(rng: &mut ChaCha8Rng) -> [f64; 9] {
+    let scales = [1.0, 3.0, 0.5, 0.2, 0.2, 0.5, 0.1, 0.2];
+    let mut values = [0.0; 9];
+    for (value, scale) in values.iter_mut().zip(scales) {
+        *value = match rng.next_u32() % 8 {
+            0 => 0.0,
+            1 => rng.random_range(-scale..0.0),
+            _ => rng.random_range(0.0..2.0 * scale),
+        };
+    }
+    values[8] = f64::from(rng.random::<bool>());
+    values
 }
 
-/// Around what a toss measures, beyond the clamps on both sides, and 0 now and then.
-fn random_outcome(rng: &mut ChaCha8Rng) -> OutcomeMsg {
-    let mut around = |scale: f64| match rng.next_u32() % 8 {
-        0 => 0.0,
-        1 => rng.random_range(-scale..0.0),
-        _ => rng.random_range(0.0..2.0 * scale),
-    };
-    let mut outcome = OutcomeMsg {
-        flags: OUTCOME_TOSSED,
-        crossing_time_s: around(1.0),
-        flip_angle_rad: around(3.0),
-        distance_m: around(0.5),
-        lateral_m: around(0.2),
-        final_lateral_m: around(0.2),
-        apex_m: around(0.5),
-        bounce_s: around(0.1),
-        clipped_share: around(0.2),
-        ..OutcomeMsg::ZERO
-    };
-    if rng.random() {
-        outcome.flags |= OUTCOME_SUCCESS;
-    }
-    outcome
+fn measures(values: &[f64; 9]) -> Measures {
+    let unit = |kind| if kind == Truth { TRUTH } else { "1" };
+    let measure = |((name, kind), value)| Measure { name, unit: unit(kind), value };
+    Measures::of(MEASURES.into_iter().zip(*values).map(measure)).unwrap()
 }
 
 #[test]
@@ -79,10 +61,10 @@ fn rewards_as_text_have_the_bits_of_the_built_in_ones() {
         let built_in = RewardConfig { kind, ..RewardConfig::default() };
         let expression = Expression::parse(text, &MEASURES, Number).unwrap();
         for _ in 0..5000 {
-            let outcome = random_outcome(&mut rng);
-            let (expected, found) =
-                (built_in.reward(&outcome), expression.number(&values(&outcome)));
-            assert_eq!(found.map(f64::to_bits), Ok(expected.to_bits()), "{kind:?} {outcome:?}");
+            let values = random_values(&mut rng);
+            let expected = built_in.reward(&measures(&values)).to_bits();
+            let found = expression.number(&values).map(f64::to_bits);
+            assert_eq!(found, Ok(expected), "{kind:?} {values:?}");
         }
     }
 }
