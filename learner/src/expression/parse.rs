@@ -61,7 +61,7 @@ const CONSTANTS: [(&str, Op); 4] = [
 ];
 
 /// What other languages write, and what is written here.
-const FOREIGN: [(&str, &str); 8] = [
+const FOREIGN: [(&str, &str); 9] = [
     ("**", "^"),
     ("&&", "and"),
     ("||", "or"),
@@ -70,6 +70,7 @@ const FOREIGN: [(&str, &str); 8] = [
     ("&", "and"),
     ("|", "or"),
     ("?", "if(condition, a, b)"),
+    ("if", "if(condition, a, b)"),
 ];
 
 /// Parses all of `text`; the result is of `kind`.
