@@ -56,7 +56,7 @@ const CONSTANTS: [(&str, Op); 4] = [
 ];
 
 /// What other languages write, and what is written here.
-const FOREIGN: [(&str, &str); 8] = [
+const FOREIGN: [(&str, &str); 9] = [
     ("**", "^"),
     ("&&", "and"),
     ("||", "or"),
@@ -65,6 +65,7 @@ const FOREIGN: [(&str, &str); 8] = [
     ("&", "and"),
     ("|", "or"),
     ("?", "if(condition, a, b)"),
+    ("if", "if(condition, a, b)"),
 ];
 
 /// Parses all of `text`; the result is of `kind`.

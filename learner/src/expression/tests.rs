@@ -66,6 +66,7 @@ fn numbers_follow_the_usual_precedence() {
         ("0.1 + (0.2 + 0.3)", 0.1 + (0.2 + 0.3)),
         ("min(3, 2) + max(3, 2)*10", 32.0),
         ("clamp(5, 0, 1) + clamp(-5, 0, 1) + clamp(0.5, 0, 1)", 1.5),
+        ("clamp(5, 2, 2)", 2.0),
         ("abs(-2) + floor(-0.5)", 1.0),
         ("exp(1) - e", E.exp() - E.exp() + 1f64.exp() - E),
         ("ln(2)*sqrt(3)", 2f64.ln() * 3f64.sqrt()),
@@ -94,6 +95,7 @@ fn truth_values_follow_the_usual_precedence() {
         ("1 + 1 == 2", true),
         ("1 + 1 != 2", false),
         ("2 <= 1 or 1 < 1", false),
+        ("1 <= 1 and 1 >= 1 and not 1 > 1", true),
         ("caught == not dropped", true),
         ("caught != (apex_m < 0)", true),
         ("if(dropped, caught, dropped)", false),
@@ -109,6 +111,7 @@ fn only_what_decides_is_evaluated() {
     assert_eq!(number("if(dropped, 1/(apex_m - 0.25), 2)"), 2.0);
     assert_eq!(number("if(caught, 2, ln(höhe_m))"), 2.0);
     assert_eq!(number("if(false, 1/0, 2)"), 2.0);
+    assert_eq!(number("1 + if(true, apex_m, 1/0)"), 1.25);
     assert!(!truth("dropped and 1/(apex_m - 0.25) > 0"));
     assert!(truth("caught or 1/(apex_m - 0.25) > 0"));
     let unread = [f64::NAN, 2.5, -3.0, 0.0, 0.0];
@@ -169,6 +172,11 @@ fn a_text_that_is_no_expression_is_refused_where_it_stops_to_be_one() {
         ("1 = 1", "expected an operator, found `=`; write `==` (line 1, column 3)".into()),
         ("true && true", "expected an operator, found `&&`; write `and` (line 1, column 6)".into()),
         ("!true", format!("{operand} `!`; write `not` (line 1, column 1)")),
+        (
+            "1 if caught else 0",
+            "expected an operator, found `if`; write `if(condition, a, b)` (line 1, column 3)"
+                .into(),
+        ),
         ("1 € 2", "expected an operator, found `€` (line 1, column 3)".into()),
         ("1 \u{1b}[2J", "expected an operator, found `\\u{1b}` (line 1, column 3)".into()),
         (
@@ -293,6 +301,7 @@ fn long_and_deep_texts_are_refused() {
     let sum = |n: usize| vec!["1"; n].join("+");
     assert_eq!(number(&sum(MAX_DEPTH)), MAX_DEPTH as f64);
     assert_eq!(refused(&sum(MAX_DEPTH + 1), Number).fault, ParseFault::TooDeep);
+    assert_eq!(number(&["(1)"; MAX_DEPTH].join("+")), MAX_DEPTH as f64, "beside is not below");
     let spaces = " ".repeat(MAX_BYTES - 1);
     assert_eq!(number(&format!("1{spaces}")), 1.0);
     assert_eq!(refused(&format!("1 {spaces}"), Number).fault, ParseFault::TooLong { bytes: 4097 });
