@@ -1,5 +1,6 @@
 //! The configuration file: `[cell] [task] [controller] [plant] [learner] [log]`, one table each.
 
+use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
@@ -47,6 +48,9 @@ pub struct TaskConfig {
     pub other_demonstrations: Vec<PathBuf>,
     /// Where the target stands, of a task that lets it be chosen, m.
     pub target_m: [f64; 2],
+    /// What its task lets be chosen, by name; see `skillet task list`.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub options: BTreeMap<String, String>,
     /// Instead of `learner.reward`: reward and success as expressions over the task's measures.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub judge: Option<JudgeConfig>,
@@ -105,8 +109,36 @@ impl Default for TaskConfig {
             demonstration: None,
             other_demonstrations: Vec::new(),
             target_m,
+            options: BTreeMap::new(),
             judge: None,
         }
+    }
+}
+
+impl TaskConfig {
+    /// What was chosen, or the default; `name` is one of the options of `task`.
+    pub fn option<'a>(&'a self, task: &Task, name: &str) -> &'a str {
+        let default = task.options.iter().find(|(option, _)| *option == name);
+        let default = default.map_or("", |(_, values)| values[0]);
+        self.options.get(name).map_or(default, String::as_str)
+    }
+
+    fn check_options(&self, task: &Task) -> Result<()> {
+        for (name, value) in &self.options {
+            let option = task.options.iter().find(|(option, _)| option == name);
+            let Some((_, values)) = option else {
+                let names: Vec<&str> = task.options.iter().map(|(option, _)| *option).collect();
+                let there = if names.is_empty() { "none".into() } else { names.join(", ") };
+                bail!(
+                    "task.options.{name}: the task {} has no such option, but {there}",
+                    task.name
+                );
+            };
+            if !values.contains(&value.as_str()) {
+                bail!("task.options.{name} is '{value}': use {}", values.join(", "));
+            }
+        }
+        Ok(())
     }
 }
 
@@ -119,8 +151,13 @@ impl Default for LogConfig {
 impl Config {
     /// The defaults of a task.
     pub fn of_task(name: &str) -> Config {
+        Config::of_options(name, BTreeMap::new())
+    }
+
+    /// The same, where something was chosen.
+    pub fn of_options(name: &str, options: BTreeMap<String, String>) -> Config {
         let mut config = Config::default();
-        config.task.name = name.into();
+        (config.task.name, config.task.options) = (name.into(), options);
         // One that is not known is refused when the configuration is checked.
         if let Ok(task) = tasks::find(name) {
             (task.configure)(&mut config);
@@ -169,6 +206,7 @@ impl Config {
     pub fn validate(&self) -> Result<()> {
         shm_types::cell::Cell::new(&self.cell.name).context("cell.name")?;
         let (task, name) = (self.task()?, &self.task.name);
+        self.task.check_options(task)?;
         (task.check)(self)?;
         let expected = match task.world {
             World::Arm(_) => 0,
@@ -203,7 +241,7 @@ impl Config {
 fn parse(text: &str) -> Result<Config, toml::de::Error> {
     // First as it is: toml then names line and field, and lists the fields it knows.
     let given: Config = toml::from_str(text)?;
-    let mut table = toml::Table::try_from(Config::of_task(&given.task.name))
+    let mut table = toml::Table::try_from(Config::of_options(&given.task.name, given.task.options))
         .expect("a configuration is plain data");
     overlay(&mut table, toml::from_str(text)?);
     table.try_into()

@@ -114,7 +114,7 @@ fn registry(status: &Status, learning: &Learning, cell: &str) -> Registry {
     for (name, help, value) in gauges(status).into_iter().chain(learning.gauges()) {
         registry.register(name, help, ConstGauge::<f64>::new(value));
     }
-    for measure in learning.measures().iter().flat_map(Measures::iter) {
+    for measure in learning.measures().map(Measures::iter).into_iter().flatten() {
         let help = format!("Measured of the last trial, in {}", measure.unit);
         let name = format!("measure_{}", measure.name);
         registry.register(name, help, ConstGauge::<f64>::new(measure.value));

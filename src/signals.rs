@@ -11,6 +11,8 @@ use signal_hook::low_level::exit;
 
 /// Signals closer together are one request: `timeout` sends two, a terminal one to each process.
 const ONE_REQUEST: Duration = Duration::from_secs(1);
+const INSTALLING: &str =
+    "installing signal handlers, which takes a few open files: see `ulimit -n`";
 /// Exit code of a command that ends unfinished.
 const INTERRUPTED: i32 = 1;
 /// Exit code of a process that a second request ends at once.
@@ -36,7 +38,7 @@ impl Who {
 
 /// A flag that the first request sets. A second one, a second later, ends the process at once.
 pub fn stop_flag(who: Who) -> Result<Arc<AtomicBool>> {
-    let mut signals = Signals::new(ending(who)).context("installing signal handlers")?;
+    let mut signals = Signals::new(ending(who)).context(INSTALLING)?;
     let stop = Arc::new(AtomicBool::new(false));
     let flag = stop.clone();
     let listen = move || {
@@ -66,7 +68,7 @@ pub fn let_it_end() {
 
 /// For a command that has nothing to finish: the first request ends the process after `last`.
 pub fn end_after(last: impl FnOnce() + Send + 'static) -> Result<()> {
-    let mut signals = Signals::new(ending(Who::Tool)).context("installing signal handlers")?;
+    let mut signals = Signals::new(ending(Who::Tool)).context(INSTALLING)?;
     let listen = move || {
         signals.forever().next();
         IS_ENDING.store(true, Ordering::Relaxed);
@@ -80,7 +82,7 @@ pub fn end_after(last: impl FnOnce() + Send + 'static) -> Result<()> {
 /// For a process that serves its parent `parent` until that ends: signals that reach both are for the
 /// parent; the one that tells of its end ends this process after `last`.
 pub fn end_after_parent(parent: u32, last: impl FnOnce() + Send + 'static) -> Result<()> {
-    let mut signals = Signals::new(ending(Who::Tool)).context("installing signal handlers")?;
+    let mut signals = Signals::new(ending(Who::Tool)).context(INSTALLING)?;
     let listen = move || {
         signals.forever().find(|_| std::os::unix::process::parent_id() != parent);
         last();

@@ -200,3 +200,45 @@ fn an_error_shows_its_cause_or_returns_it_and_not_both() {
         assert_eq!(causes_shown_twice(twice).len(), 1, "{twice}");
     }
 }
+
+/// A task is its own file and a name in the list: whoever adds one touches nothing else.
+#[test]
+fn a_task_is_named_in_its_own_file_and_in_the_list() {
+    let list = fs::read_to_string(root().join("src/tasks/mod.rs")).unwrap();
+    let names = list.split("tasks! {").nth(1).unwrap().split('}').next().unwrap();
+    let tasks: Vec<&str> =
+        names.split(',').map(str::trim).filter(|name| !name.is_empty()).collect();
+    // Those before are the paper's: studies, figures and tests are about them.
+    let new = tasks.iter().skip_while(|name| **name != "skittles").skip(1);
+    let mut checked = 0;
+    for task in new {
+        let spoken = [task.to_string(), task.replace('_', "-")];
+        let file = format!("src/tasks/{task}.rs");
+        let mut named: Vec<String> = sources()
+            .into_iter()
+            .map(|(path, text)| (path.strip_prefix(root()).unwrap().display().to_string(), text))
+            .filter(|(path, _)| path.starts_with("src/") || path.contains("/src/"))
+            .filter(|(_, text)| spoken.iter().any(|name| text.contains(name.as_str())))
+            .map(|(path, _)| path)
+            .collect();
+        named.sort();
+        assert_eq!(named, [file.clone(), "src/tasks/mod.rs".into()], "{task}");
+        let lines = fs::read_to_string(root().join(&file)).unwrap().lines().count();
+        assert!(lines <= 250, "{file} has {lines} lines");
+        checked += 1;
+    }
+    assert!(checked > 0);
+}
+
+/// The loop knows when a rollout is over, and nothing of what it was about.
+#[test]
+fn the_loop_knows_no_task() {
+    for (path, text) in sources() {
+        let file = path.strip_prefix(root()).unwrap().display().to_string();
+        if file.starts_with("rt-controller/src/hot/") {
+            let is_told = |word: &&str| text.to_lowercase().contains(*word);
+            let found = ["pancake", "flip", "caught", "skittle"].into_iter().find(is_told);
+            assert_eq!(found, None, "{file}");
+        }
+    }
+}

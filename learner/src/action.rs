@@ -1,6 +1,6 @@
 //! `[learner.action]`: where the search begins when the policy is an action vector (Sec. 4.2).
 
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use shm_types::MAX_ACTIONS;
 
@@ -13,6 +13,9 @@ use search::{Bounds, Space};
 pub struct ActionConfig {
     /// Where the search begins.
     pub start: Vec<f64>,
+    /// What one unit of noise is of each number, where they are not of one size; empty: 1 of each.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub unit: Vec<f64>,
     /// Box that is known to hold the solutions; both empty when none is known.
     pub min: Vec<f64>,
     pub max: Vec<f64>,
@@ -34,6 +37,12 @@ impl ActionConfig {
             let allowed = format!("at most {MAX_ACTIONS} finite numbers");
             return Err(error("start", format!("{:?}", self.start), &allowed));
         }
+        let (units, numbers) = (self.unit.len(), self.start.len());
+        let is_unit = |unit: &f64| unit.is_finite() && *unit > 0.0;
+        if units > 0 && (units != numbers || !self.unit.iter().all(is_unit)) {
+            let allowed = format!("{numbers} numbers above 0, or none");
+            return Err(error("unit", format!("{:?}", self.unit), &allowed));
+        }
         let Some(bounds) = self.bounds() else { return Ok(()) };
         let bounds = bounds.map_err(|why| {
             let value = format!("{:?} and max {:?}", self.min, self.max);
@@ -48,7 +57,11 @@ impl ActionConfig {
     /// The space of the search. Precondition: [`ActionConfig::validate`] passed.
     pub fn space(&self) -> Space {
         let bounds = self.bounds().and_then(Result::ok);
-        Space { bounds, ..Space::white(self.theta_0()) }
+        let mut space = Space { bounds, ..Space::white(self.theta_0()) };
+        if !self.unit.is_empty() {
+            space.exploration = DMatrix::from_diagonal(&DVector::from_column_slice(&self.unit));
+        }
+        space
     }
 
     fn theta_0(&self) -> DVector<f64> {
@@ -69,6 +82,7 @@ mod tests {
     fn refuses_what_is_no_start_or_no_box() {
         let config = |start: &[f64], min: &[f64], max: &[f64]| ActionConfig {
             start: start.into(),
+            unit: Vec::new(),
             min: min.into(),
             max: max.into(),
         };
@@ -83,6 +97,21 @@ mod tests {
         ] {
             let message = bad.validate().unwrap_err().to_string();
             assert!(message.contains(expected), "{message}");
+        }
+    }
+
+    #[test]
+    fn numbers_of_different_sizes_have_units() {
+        let with = |unit: &[f64]| ActionConfig {
+            start: vec![8.0, 2.0],
+            unit: unit.into(),
+            ..ActionConfig::default()
+        };
+        assert!(with(&[]).space().is_white());
+        assert_eq!(with(&[1.0, 10.0]).space().exploration[(1, 1)], 10.0);
+        for bad in [&[1.0][..], &[1.0, 0.0], &[1.0, -1.0], &[1.0, f64::NAN]] {
+            let message = with(bad).validate().unwrap_err().to_string();
+            assert!(message.contains("learner.action.unit"), "{message}");
         }
     }
 }

@@ -166,7 +166,7 @@ mod tests {
         let policy = PolicyMsg::of_action(&[8.0, 0.1 + 0.2]).sealed();
         assert_eq!(from_json(&to_json(&policy).unwrap()).unwrap(), policy);
         let error = |text: &str| from_json(text).unwrap_err().to_string();
-        let many = serde_json::json!({ "action": [1.0; 17] }).to_string();
+        let many = serde_json::json!({ "action": vec![1.0; 17] }).to_string();
         assert!(error(&many).contains("17 actions"));
         assert!(error(r#"{"action": [1], "damping": 2}"#).contains("damping"));
         assert!(error(r#"{"action": []}"#).contains("n_components"));

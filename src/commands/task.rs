@@ -18,6 +18,9 @@ pub fn run(args: &TaskArgs) -> Result<Verdict> {
         let names: Vec<&str> = measures.iter().map(|(name, _)| name.as_str()).collect();
         text +=
             &format!("{:<14}{}\n{:14}measures: {}\n", task.name, task.about, "", names.join(", "));
+        for (option, values) in task.options {
+            text += &format!("{:14}task.options.{option}: {}\n", "", values.join(", "));
+        }
         let units: serde_json::Map<_, _> =
             measures.iter().map(|(name, unit)| (name.clone(), json!(unit))).collect();
         objects.push(json!({
@@ -26,6 +29,7 @@ pub fn run(args: &TaskArgs) -> Result<Verdict> {
             "has_arm": task.has_arm(),
             "success": task.success,
             "measures": units,
+            "options": task.options.iter().copied().collect::<std::collections::BTreeMap<_, _>>(),
         }));
     }
     if as_json {

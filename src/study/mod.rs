@@ -16,6 +16,7 @@ mod runs;
 mod sample;
 mod skittles;
 mod statistics;
+mod tasks;
 mod tune;
 mod tuned;
 
@@ -79,6 +80,7 @@ pub const STUDIES: &[Study] = &[
         1,
         pancake::run_variants,
     ),
+    table_of("tasks", "tasks without an arm that know success, as they come", 1, tasks::run_seed),
     table_of("landscape", "the mixtures on the landscape, without a box", 2, landscape::run_seed),
     table_of("drift", "a landscape that changes, with and without forgetting", 2, drift::run_seed),
     table_of("literal", "Algorithm 1 as printed, on the landscape", 2, literal::run_seed),

@@ -16,6 +16,7 @@ pub const TASK: Task = Task {
     configure,
     check: |_| Ok(()),
     has_target: false,
+    options: &[],
     action_units: &[],
     success: None,
     pictures,

@@ -20,7 +20,7 @@ macro_rules! tasks {
     };
 }
 
-tasks! { pancake, landscape, skittles }
+tasks! { pancake, landscape, skittles, archery, obstacle }
 
 /// What the loop, the learner and the report must know of a task.
 pub struct Task {
@@ -34,6 +34,8 @@ pub struct Task {
     pub check: fn(&Config) -> Result<()>,
     /// `task.target_m`, or `--target`, says where its target stands.
     pub has_target: bool,
+    /// Choices in `task.options`, each with its values, the default first.
+    pub options: &'static [(&'static str, &'static [&'static str])],
     /// Units of an action's entries, as endings of names; empty where there are none.
     pub action_units: &'static [&'static str],
     /// What a success is called; `None` where only the reward tells good from bad.

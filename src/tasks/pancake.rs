@@ -20,6 +20,7 @@ pub const TASK: Task = Task {
     configure: |_| {},
     check: |_| Ok(()),
     has_target: false,
+    options: &[],
     action_units: &[],
     success: Some("caught flip"),
     pictures: |_| Pictures::Toss,

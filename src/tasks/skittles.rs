@@ -18,6 +18,7 @@ pub const TASK: Task = Task {
     configure,
     check: |config| world(config).validate().context("task.target_m"),
     has_target: true,
+    options: &[],
     action_units: &["_rad", "_rad_s"],
     success: None,
     pictures,

@@ -105,7 +105,7 @@ pub fn replay<W: ActionWorld + ?Sized>(
 }
 
 /// What the world measures; nothing of it that is not fit to be told.
-fn measure<W: ActionWorld + ?Sized>(world: &W, action: &[f64]) -> Measures {
+pub fn measure<W: ActionWorld + ?Sized>(world: &W, action: &[f64]) -> Measures {
     let mut measures = Measures::NONE;
     for Measured { name, unit, value } in world.measure(action) {
         if let Err(error) = measures.push(Measure { name, unit, value }) {

@@ -31,7 +31,7 @@ const FORCE_WINDOW_S: f64 = 0.02;
 /// integrator of the plant errs by a share of a period.
 const DRIFT_SLACK: f64 = 0.01;
 const DRIFT_SLACK_S: f64 = 0.002;
-/// Residual that no joint is too weak for, N·m: a wrist's are small, a pancake's impact is not.
+/// Residual that no joint is too weak for, N·m: a wrist's are small, the impact of a light object is not.
 const FORCE_FLOOR: f64 = 5.0;
 /// A joint closer than this to its limit may touch its stop, rad.
 const STOP_MARGIN: f64 = 0.02;

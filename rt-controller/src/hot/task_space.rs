@@ -1,4 +1,4 @@
-//! Task coordinates of the pan: x, y, z, pitch, roll, yaw.
+//! Task coordinates of the tip: x, y, z, pitch, roll, yaw.
 //!
 //! The rotational ones are the rotation vector of R_WP, with its y component (pitch, positive nose
 //! down) first, so that 3-, 4- and 6-dimensional policies use a leading part of one vector.
@@ -9,13 +9,13 @@ use physics::arm::TipKinematics;
 /// Row of a world 6-vector [linear; angular] that belongs to each task coordinate.
 const WORLD_ROW: [usize; 6] = [0, 1, 2, 4, 3, 5];
 
-/// x and ẋ of the pan.
+/// x and ẋ of the tip.
 #[derive(Clone, Copy, Debug)]
 pub struct TaskState {
     /// m and rad.
     pub x: Vector6<f64>,
     /// m/s and rad/s. The angular part is ω: it equals the derivative of the rotation vector while
-    /// the pan turns about one axis, which is what a flip does.
+    /// the tip turns about one axis, as in a toss.
     pub xd: Vector6<f64>,
 }
 

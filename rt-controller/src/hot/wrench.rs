@@ -27,7 +27,7 @@ impl ArmState {
 }
 
 /// τ = Jᵀ F + bias + N τ₀, with F = Λ (ẍ − J̇q̇), Λ = (J M⁻¹ Jᵀ)⁻¹, τ₀ = M q̈_posture and
-/// N = I − Jᵀ Λ J M⁻¹, which keeps the posture torque from moving the pan.
+/// N = I − Jᵀ Λ J M⁻¹, which keeps the posture torque from moving the tip.
 ///
 /// Eq. (5) yields an acceleration; Λ is the step to newtons. `xdd_world` and F are [linear;
 /// angular] in world axes, `qdd_posture` in rad/s². An arm with fewer than six joints cannot follow
