@@ -191,10 +191,12 @@ impl Config {
 
     /// What a success is called; `None` where only the reward tells good from bad.
     pub fn success(&self) -> Result<Option<&'static str>> {
-        let written = self.task.judge.as_ref();
-        Ok(match written {
-            Some(judge) => judge.success.as_ref().map(|_| "success"),
-            None => self.task()?.success,
+        let usual = Config::of_options(&self.task.name, self.task.options.clone()).task.judge;
+        Ok(match &self.task.judge {
+            Some(judge) if Some(judge) != usual.as_ref() => {
+                judge.success.as_ref().map(|_| "success")
+            }
+            _ => self.task()?.success,
         })
     }
 

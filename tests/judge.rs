@@ -87,10 +87,21 @@ fn a_rollout_without_a_verdict_is_set_aside_and_the_session_goes_on() {
     config(
         &bench,
         "my.toml",
-        &judge_table("caught", "apex_m + if(apex_m < 0.06, 1/crossing_time_s, 0)"),
+        &judge_table("caught", "apex_m + if(apex_m < 0.09, 1/crossing_time_s, 0)"),
     );
-    let learn =
-        ["learn", "pancake", "--rollouts", "12", "--out", "s", "--config", "my.toml", "--json"];
+    let learn = [
+        "learn",
+        "pancake",
+        "--seed",
+        "1",
+        "--rollouts",
+        "12",
+        "--out",
+        "s",
+        "--config",
+        "my.toml",
+        "--json",
+    ];
     let summary: Value = serde_json::from_str(&bench.ok(&learn)).unwrap();
     let trials = bench.trials("s");
     let aside: Vec<_> = trials.iter().filter(|trial| trial.set_aside).collect();

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use physics::arm::{ArmModel, JointVector};
 use physics::pancake::{PancakeConfig, PancakePlant, WAM7_START_POSTURE};
 use physics::plant::{Measurement, Plant};
-use physics::referee::Referee;
+use physics::referee::{Referee, Toss, TossConfig};
 use rt_controller::run::Controlled;
 use rt_controller::{ControllerConfig, Pace};
 use serde_json::Value;
@@ -73,7 +73,8 @@ fn run(bench: &Bench, is_cut: &AtomicBool, stop: &AtomicBool) {
     let world = PancakePlant::new(&model, &WAM7_START_POSTURE, &PancakeConfig::default());
     let mut plant = Cut { shown: world.measure(), world, is_cut };
     let cell = Cell::in_dir(&bench.path("run"), "c1").unwrap();
-    let (q0, referee) = (WAM7_START_POSTURE, Referee::Clock);
+    let referee = Referee::Toss(Toss::new(&TossConfig::default()));
+    let q0 = WAM7_START_POSTURE;
     let controlled = Controlled { model: &model, plant: &mut plant, q0, referee };
     let (config, state) = (ControllerConfig::default(), bench.path("state/c1"));
     rt_controller::run(&cell, &config, Pace::Max, controlled, Some(&state), stop).unwrap();

@@ -291,9 +291,10 @@ mod tests {
 
     #[test]
     fn a_catch_is_a_success() {
-        assert_eq!(PAPER.judge(&with(&FLIP, &[("caught", 1.0)])).unwrap().0, true);
-        assert_eq!(PAPER.judge(&with(&FLIP, &[("caught", 0.0)])).unwrap().0, false);
-        assert_eq!(PAPER.judge(&with(&FLIP, &[])).unwrap().0, false);
+        let is_success =
+            |caught: &[(&'static str, f64)]| PAPER.judge(&with(&FLIP, caught)).unwrap().0;
+        assert!(is_success(&[("caught", 1.0)]));
+        assert!(!is_success(&[("caught", 0.0)]) && !is_success(&[]));
     }
 
     #[test]

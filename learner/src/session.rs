@@ -115,7 +115,7 @@ impl Link {
                 return Ok(End::Stopped);
             };
             self.acknowledge(learner);
-            on_event(Event::Trial(report));
+            on_event(Event::Trial(&report));
             self.news.trial(&self.ports, learner, on_event);
         }
         Ok(End::Done)

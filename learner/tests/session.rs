@@ -268,6 +268,30 @@ fn a_rollout_set_aside_is_counted_and_not_learnt_and_the_session_resumes() {
 }
 
 #[test]
+fn other_measures_than_the_sessions_are_refused_with_both_lists() {
+    let directory = TempDir::new().unwrap();
+    let mut learner = create(directory.path(), config(3));
+    run(&mut learner, 2);
+    let policy = learner.next_policy().unwrap();
+    let (header, records) = execute(&policy);
+    let height = Measure { name: "height_m", unit: "m", value: 0.5 };
+    let other = EpisodeHeader { measures: Measures::of([height]).unwrap(), ..header };
+    let error = learner.complete(&policy, &other, &records).unwrap_err();
+    assert!(matches!(error, CompleteError::Learner(LearnerError::Judge(_))), "{error:?}");
+    let message = error.to_string();
+    assert!(message.contains("height_m (m)") && message.contains("caught (bool), apex_m (m)"));
+    // Nothing is lost: the plant it began with goes on.
+    learner.complete(&policy, &header, &records).unwrap();
+    drop(learner);
+
+    let judge = Judge::of_plant(&[("height_m", "m")], RewardConfig::default());
+    let resumed =
+        Learner::resume(directory.path(), "pancake", &config(3), &[demonstration()], judge);
+    let message = resumed.err().unwrap().to_string();
+    assert!(message.contains("height_m (m)") && message.contains("apex_m (m)"), "{message}");
+}
+
+#[test]
 fn resumes_only_with_its_own_task_configuration_and_history() {
     let directory = TempDir::new().unwrap();
     let mut learner = create(directory.path(), config(3));

@@ -25,7 +25,7 @@ use crate::session_folder::SessionFolder;
 use crate::signals::{Who, stop_flag};
 use crate::stderr::say;
 use crate::summary::Summary;
-use crate::{commands, setup};
+use crate::{commands, judging, setup};
 
 const PRIVATE_CELL: &str = "learn-";
 const WATCH: Duration = Duration::from_millis(50);
@@ -99,6 +99,7 @@ fn prepare(args: &LearnArgs) -> Result<(SessionFolder, Config)> {
     }
     setup::arm_notes(&config)?.iter().for_each(|note| say(&format!("warning: {note}")));
     setup::check(&config)?;
+    judging::judge(&config)?;
     if Store::exists(&folder.database()) {
         let session = || format!("session {}", folder.dir().display());
         let _lock = folder.lock()?;

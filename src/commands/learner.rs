@@ -48,6 +48,7 @@ pub fn run(args: &LearnerArgs) -> Result<Verdict> {
     } else {
         let config = Config::load(args.config.as_deref())?;
         setup::check(&config)?;
+        judging::judge(&config)?;
         folder.write(&config)?;
     }
     let config = Config::load(Some(&folder.config_path()))?;

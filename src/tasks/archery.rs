@@ -128,7 +128,7 @@ mod tests {
     fn a_weak_or_backward_shot_falls_short() {
         assert!(of(&[0.0, 0.05, 0.0], "short_m") > 1.5);
         assert!(of(&[0.0, -0.2, 0.0], "short_m") > DISTANCE);
-        assert!(of(&START, "miss_m") > 0.3, "there is something to learn");
+        assert!(of(&START, "miss_m") > 0.2, "there is something to learn");
     }
 
     #[test]

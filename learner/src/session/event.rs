@@ -20,7 +20,7 @@ pub enum Event<'a> {
         header: &'a EpisodeHeader,
         records: &'a [TickRecord],
     },
-    Trial(TrialReport),
+    Trial(&'a TrialReport),
     /// What the search has found: now and then, and at the end.
     Modes(&'a [ModeReport]),
     /// Nothing was heard from the controller for this long; the learner waits.
