@@ -3,8 +3,8 @@
 use learner::config::LearnerConfig;
 use learner::judge::Judge;
 use learner::reward::RewardKind;
-use search::Method;
 use physics::arm::ArmModel;
+use search::Method;
 use shm_types::measures::{Measure, Measures};
 use shm_types::policy::{PolicyMsg, packed_index};
 use tempfile::TempDir;

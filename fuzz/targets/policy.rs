@@ -6,9 +6,9 @@ use std::sync::LazyLock;
 use libfuzzer_sys::fuzz_target;
 use physics::arm::{ArmModel, JointVector};
 use physics::ideal::IdealArm;
-use physics::referee::Referee;
 use physics::pancake::WAM7_START_POSTURE;
 use physics::plant::{Measurement, Plant};
+use physics::referee::Referee;
 use rt_controller::ControllerConfig;
 use rt_controller::admit::admission::{admit, admit_action};
 use rt_controller::hot::policy::Policy;
@@ -37,8 +37,7 @@ fn measured(q: JointVector, qd: JointVector, sample: u64) -> Measurement {
 
 /// A controller in the midst of a rollout: a policy swapped in acts at once.
 fn executing() -> Controller<'static> {
-    let mut controller =
-        Controller::new(&ARM, &WAM7_START_POSTURE, &config(), &Referee::Clock);
+    let mut controller = Controller::new(&ARM, &WAM7_START_POSTURE, &config(), &Referee::Clock);
     controller.start(&Policy::new(&springs()));
     for sample in 0..DRIVEN {
         if controller.phase() == Phase::Execute {

@@ -125,7 +125,9 @@ fuzz_target!(|data: &[u8]| {
             let _ = search.modes();
         }
     }
-    if let Ok(mut learner) = Learner::resume(FOLDER.path(), "landscape", &action_session(), &[], judge()) {
+    if let Ok(mut learner) =
+        Learner::resume(FOLDER.path(), "landscape", &action_session(), &[], judge())
+    {
         let _ = learner.next_policy();
         let _ = (learner.modes(), learner.summary());
     }
