@@ -10,12 +10,13 @@ use physics::skittles;
 use rt_controller::ControllerConfig;
 use serde::{Deserialize, Serialize};
 
-use crate::tasks::{self, Task, World};
-
 #[path = "config/plant.rs"] // also where the fuzzer takes this file from here
 pub mod plant;
 
 pub use plant::PlantConfig;
+
+/// The defaults of a task, by its name and what was chosen of its options.
+pub type Defaults = fn(&str, BTreeMap<String, String>) -> Config;
 
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -115,33 +116,6 @@ impl Default for TaskConfig {
     }
 }
 
-impl TaskConfig {
-    /// What was chosen, or the default; `name` is one of the options of `task`.
-    pub fn option<'a>(&'a self, task: &Task, name: &str) -> &'a str {
-        let default = task.options.iter().find(|(option, _)| *option == name);
-        let default = default.map_or("", |(_, values)| values[0]);
-        self.options.get(name).map_or(default, String::as_str)
-    }
-
-    fn check_options(&self, task: &Task) -> Result<()> {
-        for (name, value) in &self.options {
-            let option = task.options.iter().find(|(option, _)| option == name);
-            let Some((_, values)) = option else {
-                let names: Vec<&str> = task.options.iter().map(|(option, _)| *option).collect();
-                let there = if names.is_empty() { "none".into() } else { names.join(", ") };
-                bail!(
-                    "task.options.{name}: the task {} has no such option, but {there}",
-                    task.name
-                );
-            };
-            if !values.contains(&value.as_str()) {
-                bail!("task.options.{name} is '{value}': use {}", values.join(", "));
-            }
-        }
-        Ok(())
-    }
-}
-
 impl Default for LogConfig {
     fn default() -> Self {
         LogConfig { level: "info".into(), format: "text".into() }
@@ -149,30 +123,13 @@ impl Default for LogConfig {
 }
 
 impl Config {
-    /// The defaults of a task.
-    pub fn of_task(name: &str) -> Config {
-        Config::of_options(name, BTreeMap::new())
-    }
-
-    /// The same, where something was chosen.
-    pub fn of_options(name: &str, options: BTreeMap<String, String>) -> Config {
-        let mut config = Config::default();
-        (config.task.name, config.task.options) = (name.into(), options);
-        // One that is not known is refused when the configuration is checked.
-        if let Ok(task) = tasks::find(name) {
-            (task.configure)(&mut config);
-        }
-        config
-    }
-
-    /// Reads `path`, or takes the defaults of the pancake. What the file does not say are the
-    /// defaults of its task. Relative paths inside are relative to the file.
-    pub fn load(path: Option<&Path>) -> Result<Config> {
-        let Some(path) = path else { return Ok(Config::default()) };
+    /// Reads `path`; what the file does not say is what `of` gives for its task and options. Relative
+    /// paths inside are relative to the file.
+    pub fn read(path: &Path, of: Defaults) -> Result<Config> {
         let text = std::fs::read_to_string(path).with_context(|| {
             format!("{}: cannot read the configuration; check the path", path.display())
         })?;
-        let mut config = parse(&text)
+        let mut config = parse(&text, of)
             .with_context(|| format!("{}: not a valid configuration", path.display()))?;
         let folder = path.parent().unwrap_or(Path::new("."));
         for inner in [&mut config.task.demonstration, &mut config.plant.arm].into_iter().flatten() {
@@ -181,43 +138,12 @@ impl Config {
         for inner in &mut config.task.other_demonstrations {
             *inner = folder.join(&*inner);
         }
-        config.validate().with_context(|| path.display().to_string())?;
         Ok(config)
     }
 
-    pub fn task(&self) -> Result<&'static Task> {
-        tasks::find(&self.task.name)
-    }
-
-    /// What a success is called; `None` where only the reward tells good from bad.
-    pub fn success(&self) -> Result<Option<&'static str>> {
-        let usual = Config::of_options(&self.task.name, self.task.options.clone()).task.judge;
-        Ok(match &self.task.judge {
-            Some(judge) if Some(judge) != usual.as_ref() => {
-                judge.success.as_ref().map(|_| "success")
-            }
-            _ => self.task()?.success,
-        })
-    }
-
-    /// The policy drives an arm; otherwise it is an action vector.
-    pub fn has_arm(&self) -> bool {
-        self.task().is_ok_and(Task::has_arm)
-    }
-
-    pub fn validate(&self) -> Result<()> {
+    /// Everything but what depends on the task.
+    pub fn validate_settings(&self) -> Result<()> {
         shm_types::cell::Cell::new(&self.cell.name).context("cell.name")?;
-        let (task, name) = (self.task()?, &self.task.name);
-        self.task.check_options(task)?;
-        (task.check)(self)?;
-        let expected = match task.world {
-            World::Arm(_) => 0,
-            World::Action(world) => world(self).dim(),
-        };
-        let found = self.learner.action.start.len();
-        if found != expected {
-            bail!("learner.action.start has {found} numbers: the task {name} takes {expected}");
-        }
         if !["error", "warn", "info", "debug", "trace"].contains(&self.log.level.as_str()) {
             bail!("log.level is '{}': use error, warn, info, debug or trace", self.log.level);
         }
@@ -240,10 +166,10 @@ impl Config {
 }
 
 /// The file's values over the defaults of its task.
-fn parse(text: &str) -> Result<Config, toml::de::Error> {
+fn parse(text: &str, of: Defaults) -> Result<Config, toml::de::Error> {
     // First as it is: toml then names line and field, and lists the fields it knows.
     let given: Config = toml::from_str(text)?;
-    let mut table = toml::Table::try_from(Config::of_options(&given.task.name, given.task.options))
+    let mut table = toml::Table::try_from(of(&given.task.name, given.task.options))
         .expect("a configuration is plain data");
     overlay(&mut table, toml::from_str(text)?);
     table.try_into()

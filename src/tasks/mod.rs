@@ -12,6 +12,8 @@ use physics::referee::Referee;
 use crate::config::Config;
 use crate::report::Pictures;
 
+mod configured;
+
 /// The modules, and all tasks in the order in which people see them.
 macro_rules! tasks {
     ($($name:ident),* $(,)?) => {
