@@ -51,7 +51,7 @@ pub enum JudgeError {
         list(expected)
     )]
     OtherMeasures { found: Declared, expected: Declared },
-    #[error("{0}; this rollout tells nothing")]
+    #[error(transparent)]
     Measures(#[from] MeasuresError),
     #[error("no verdict: {error}")]
     Verdict { error: VerdictError, measures: Box<Measures> },

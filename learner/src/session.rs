@@ -57,6 +57,16 @@ pub fn run(
     Ok(end)
 }
 
+/// What ends the session, apart from what an episode may lack.
+fn sessions_end(
+    completed: Result<TrialReport, CompleteError>,
+) -> Result<Result<TrialReport, CompleteError>, LearnerError> {
+    match completed {
+        Err(CompleteError::Learner(error)) => Err(error),
+        completed => Ok(completed),
+    }
+}
+
 /// The learner's side of the cell, with what is known of the other side.
 struct Link {
     ports: LearnerPorts,
@@ -150,17 +160,13 @@ impl Link {
         loop {
             while let Ok(Some(episode)) = self.ports.episodes.receive() {
                 let completed = self.stored(stop, on_event, || {
-                    match learner.complete(policy, episode.user_header(), episode.payload()) {
-                        Err(CompleteError::Learner(error)) => Err(error),
-                        completed => Ok(completed),
-                    }
+                    sessions_end(learner.complete(policy, episode.user_header(), episode.payload()))
                 })?;
                 let Some(completed) = completed else { return Ok(None) };
                 match completed {
                     Ok(report) => {
                         self.set_aside_in_a_row = 0;
-                        let (header, records) = (episode.user_header(), episode.payload());
-                        on_event(Event::executed(policy, header, records));
+                        on_event(Event::executed(policy, episode.user_header(), episode.payload()));
                         return Ok(Some(report));
                     }
                     Err(CompleteError::Refused { rollout, reason }) => {

@@ -123,7 +123,7 @@ pub enum EpisodeError {
         "n_records is {n_records}, but the slice holds {len}: the controller is broken or hostile; episode ignored"
     )]
     Length { n_records: u64, len: usize },
-    #[error("{0}; episode ignored")]
+    #[error(transparent)]
     Measures(#[from] MeasuresError),
     #[error("record {record} holds a value that is not finite; episode ignored")]
     Record { record: usize },
