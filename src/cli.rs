@@ -28,7 +28,7 @@ pub use policy::{AtArg, CellArgs, FormatArg, PolicyArgs, PolicyVerb};
 /// Cells live in $SKILLET_RUNTIME_DIR, else $XDG_RUNTIME_DIR/skillet, else /tmp/skillet-<uid>.
 #[derive(Parser)]
 #[command(version, propagate_version = true, max_term_width = 100)]
-#[command(after_help = crate::exit::help())]
+#[command(after_help = crate::exit::help(), color = crate::tty::help_color())]
 pub struct Cli {
     #[command(subcommand)]
     pub verb: Verb,

@@ -2,14 +2,25 @@
 
 use std::io::IsTerminal;
 
+use clap::ColorChoice;
+
 /// It understands escape sequences: a terminal, and none that calls itself dumb or nothing at all.
 pub fn can_draw(output: &impl IsTerminal) -> bool {
-    let is_known = std::env::var_os("TERM").is_some_and(|term| !term.is_empty() && term != "dumb");
-    output.is_terminal() && is_known
+    output.is_terminal() && is_known()
+}
+
+fn is_known() -> bool {
+    std::env::var_os("TERM").is_some_and(|term| !term.is_empty() && term != "dumb")
 }
 
 /// It may get colours, see <https://no-color.org>.
 pub fn has_color(output: &impl IsTerminal) -> bool {
     let is_unwanted = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
     can_draw(output) && !is_unwanted
+}
+
+/// For help and usage errors. The usual choice, but for terminals that are not known: it colours
+/// them too where `CI` or `CLICOLOR` is set.
+pub fn help_color() -> ColorChoice {
+    if is_known() { ColorChoice::Auto } else { ColorChoice::Never }
 }

@@ -1,0 +1,113 @@
+//! Ball in a cup (Kober and Peters 2009, whose PoWER the paper takes up): the arm holds a cup, a ball
+//! hangs from it on a string, and the ball is to be swung up and caught.
+
+use anyhow::Result;
+use learner::judge::{Declared, Measurer};
+use physics::cup::outcome::{Outcome, OutcomeTracker};
+use physics::cup::{CupConfig, CupPlant, WAM7_CUP_POSTURE};
+use physics::referee::Referee;
+use shm_types::episode::{EpisodeHeader, TickRecord};
+use shm_types::measures::{Measure, Measures, MeasuresError, TRUTH};
+
+use super::camera::{Camera, clipped_share};
+use super::{ArmTask, ArmWorld, Task, World};
+use crate::config::{Config, JudgeConfig};
+use crate::record::solids::{Solid, Solids};
+use crate::report::Pictures;
+use crate::setup;
+
+pub const TASK: Task = Task {
+    name: "ball-in-a-cup",
+    about: "Swing a ball on a string up into the cup it hangs from (Kober and Peters 2009)",
+    world: World::Arm(ArmTask {
+        urdf: include_str!("../../robots/wam7/wam7_cup.urdf"),
+        demonstration: include_str!("../../demos/ball_in_a_cup.csv"),
+        world,
+        solids,
+    }),
+    configure,
+    check: |_| Ok(()),
+    has_target: false,
+    options: &[],
+    action_units: &[],
+    success: Some("catch"),
+    pictures: |_| Pictures::Plain,
+};
+
+const WOOD: [f64; 4] = [0.62, 0.42, 0.22, 0.5];
+const RED: [f64; 4] = [0.84, 0.16, 0.16, 1.0];
+
+fn cup(config: &Config) -> CupConfig {
+    CupConfig { period_s: config.controller.period_s(), ..CupConfig::default() }
+}
+
+fn configure(config: &mut Config) {
+    config.plant.tip = "cup".into();
+    config.plant.start_posture_rad = WAM7_CUP_POSTURE.iter().copied().collect();
+    // The arm's model does not know of the ball, whose weight a soft wrist would follow.
+    (config.controller.posture_stiffness, config.controller.posture_damping) = (400.0, 40.0);
+    // The reward of Kober and Peters is the first term; the second tells which way leads to it.
+    config.task.judge = Some(JudgeConfig {
+        success: Some("caught".into()),
+        reward: "exp(-100*miss_m^2) + exp(-miss_m/0.2) + if(caught, 1, 0)".into(),
+    });
+    let learner = &mut config.learner;
+    learner.n_components = 12;
+}
+
+fn world(config: &Config) -> Result<ArmWorld> {
+    let (model, q0) = (setup::arm(config)?, config.plant.start_posture());
+    let cup = cup(config);
+    Ok(ArmWorld {
+        plant: Box::new(CupPlant::new(&model, &q0, &cup)),
+        // The movement ends with the cup at rest: what becomes of the ball is seen by then.
+        referee: Referee::Clock,
+        measurer: Box::new(CupMeasurer { camera: Camera::new(&model, config), cup }),
+        model,
+        q0,
+    })
+}
+
+fn solids(config: &Config) -> Solids {
+    let CupConfig { bottom_radius, rim_radius, depth, ball_radius, .. } = cup(config);
+    let (top_radius, z) = (rim_radius, depth / 2.0);
+    let cup = Solid::Cone { bottom_radius, top_radius, height: depth, z, color: WOOD };
+    let ball = Solid::Ball { radius: ball_radius, color: RED };
+    Solids { tip: ("cup", vec![cup]), object: ("ball", vec![ball]), has_string: true }
+}
+
+/// Follows cup and ball through the records.
+struct CupMeasurer {
+    camera: Camera,
+    cup: CupConfig,
+}
+
+impl Measurer for CupMeasurer {
+    fn declared(&self) -> Declared {
+        let nothing = all(&OutcomeTracker::new(&self.cup).outcome(), 0.0);
+        nothing.map(|measure| (measure.name.into(), measure.unit.into())).into()
+    }
+
+    fn measure(
+        &self,
+        _: &EpisodeHeader,
+        records: &[TickRecord],
+    ) -> Result<Measures, MeasuresError> {
+        let mut tracker = OutcomeTracker::new(&self.cup);
+        self.camera.show(records, |t_s, tip, object| tracker.observe(t_s, tip, object));
+        Measures::of(all(&tracker.outcome(), clipped_share(records)))
+    }
+}
+
+fn all(outcome: &Outcome, clipped_share: f64) -> [Measure<'static>; 6] {
+    let truth = |name, value| Measure { name, unit: TRUTH, value: f64::from(u8::from(value)) };
+    let number = |name, unit, value| Measure { name, unit, value };
+    [
+        truth("caught", outcome.caught),
+        truth("crossed", outcome.crossed),
+        number("crossing_time_s", "s", outcome.crossing_time_s),
+        number("miss_m", "m", outcome.miss_m),
+        number("apex_m", "m", outcome.apex_m),
+        number("clipped_share", "1", clipped_share),
+    ]
+}
