@@ -1,4 +1,4 @@
-//! Writes the URDF files of the Barrett WAM, with and without the frying pan, from the numbers in
+//! Writes the URDF files of the Barrett WAM, bare, with the frying pan and with the cup, from the numbers in
 //! `tests/vectors/wam_parameters.json`.
 //!
 //! ```text
@@ -28,17 +28,21 @@ pub fn robot_directory() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots/wam7")
 }
 
-/// Name and content of both files.
-pub fn urdf_files() -> Result<[(&'static str, String); 2], Box<dyn std::error::Error>> {
+/// Name and content of the files.
+pub fn urdf_files() -> Result<[(&'static str, String); 3], Box<dyn std::error::Error>> {
     let vectors = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/vectors");
     let path = vectors.join("wam_parameters.json");
     let parameters: Value = serde_json::from_str(&std::fs::read_to_string(path)?)?;
-    Ok([("wam7.urdf", urdf(&parameters, false)), ("wam7_pan.urdf", urdf(&parameters, true))])
+    let text = |load: &str, tool: &str, with_mass: bool| urdf(&parameters, load, tool, with_mass);
+    Ok([
+        ("wam7.urdf", text("; the pan link has no mass", "pan", false)),
+        ("wam7_pan.urdf", text(" with a frying pan", "pan", true)),
+        ("wam7_cup.urdf", text(" with a cup", "cup", true)),
+    ])
 }
 
-fn urdf(parameters: &Value, with_pan_mass: bool) -> String {
+fn urdf(parameters: &Value, load: &str, tool: &str, with_mass: bool) -> String {
     let mut out = String::new();
-    let load = if with_pan_mass { " with a frying pan" } else { "; the pan link has no mass" };
     writeln!(out, "<?xml version=\"1.0\"?>").unwrap();
     writeln!(out, "<!-- Barrett WAM, 7 joints{load}. SI units. Sources: SOURCES.md.").unwrap();
     writeln!(out, "     Written by physics/examples/write_wam_urdf.rs; do not edit. -->").unwrap();
@@ -81,23 +85,27 @@ fn urdf(parameters: &Value, with_pan_mass: bool) -> String {
     writeln!(out, "  <link name=\"flange\"/>").unwrap();
     write_origin(&mut out, &"flange_fixed".into(), "fixed", &last_link, origin_xyz, origin_rpy);
     writeln!(out, "    <child link=\"flange\"/>\n  </joint>").unwrap();
-    write_pan(&mut out, &parameters["pan"], with_pan_mass);
+    write_tool(&mut out, tool, &parameters[tool], with_mass);
     writeln!(out, "</robot>").unwrap();
     out
 }
 
-fn write_pan(out: &mut String, pan: &Value, with_mass: bool) {
+/// What the arm carries: its frame in the flange and, with a mass, its inertia.
+fn write_tool(out: &mut String, name: &str, tool: &Value, with_mass: bool) {
+    let of = |key: String| &tool[key.as_str()];
     if with_mass {
-        let inertia = matrix(&pan["inertia_about_com_pan_axes_rowmajor"]);
-        write_link(out, "pan", number(&pan["mass"]), vector(&pan["com_in_pan_frame"]), inertia);
+        let inertia = matrix(of(format!("inertia_about_com_{name}_axes_rowmajor")));
+        let centre = vector(of(format!("com_in_{name}_frame")));
+        write_link(out, name, number(&tool["mass"]), centre, inertia);
     } else {
-        writeln!(out, "  <link name=\"pan\"/>").unwrap();
+        writeln!(out, "  <link name=\"{name}\"/>").unwrap();
     }
-    let R_FP = matrix(&pan["pan_frame_R_in_flange_rowmajor"]);
+    let R_FP = matrix(of(format!("{name}_frame_R_in_flange_rowmajor")));
     let (roll, pitch, yaw) = Rotation3::from_matrix_unchecked(R_FP).euler_angles();
-    let xyz = vector(&pan["pan_frame_origin_in_flange"]);
-    write_origin(out, &"pan_fixed".into(), "fixed", "flange", xyz, [roll + 0.0, pitch, yaw]);
-    writeln!(out, "    <child link=\"pan\"/>\n  </joint>").unwrap();
+    let xyz = vector(of(format!("{name}_frame_origin_in_flange")));
+    let joint = format!("{name}_fixed").into();
+    write_origin(out, &joint, "fixed", "flange", xyz, [roll + 0.0, pitch, yaw]);
+    writeln!(out, "    <child link=\"{name}\"/>\n  </joint>").unwrap();
 }
 
 fn write_link(out: &mut String, name: &str, mass: f64, [x, y, z]: [f64; 3], I_cm: Matrix3<f64>) {

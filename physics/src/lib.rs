@@ -32,6 +32,7 @@
 
 pub mod action;
 pub mod arm;
+pub mod cup;
 pub mod ideal;
 pub mod landscape;
 pub mod niching;
