@@ -184,6 +184,42 @@ fn a_stalled_host_is_no_unexpected_force() {
     }
 }
 
+/// A loop that misses samples goes on with the movement where the plant's clock is, not where its own count
+/// of ticks would be; a leap of that clock moves it by 10 ms at most.
+#[test]
+fn the_movement_keeps_the_plants_time() {
+    let (model, config) = (wam(), ControllerConfig::default());
+    let policy = admit(&message(0.02, 200.0), &model, &config).unwrap();
+    let leap_ns = 3_600_000_000_000;
+    for (samples, leap_at) in [(1, None), (2, None), (3, None), (1, Some(400))] {
+        let mut arm = IdealArm::new(&model, &WAM7_START_POSTURE, config.period_s(), 0.01);
+        let mut controller = controller(&model, &config);
+        controller.start(&policy);
+        let (mut record, mut begun, mut n_executed) = (TickRecord::ZERO, None, 0);
+        while controller.phase() != Phase::Idle {
+            let mut measured = arm.measure();
+            if leap_at.is_some_and(|at| n_executed >= at) {
+                measured.t_ns += leap_ns;
+            }
+            let is_execute = controller.phase() == Phase::Execute;
+            let tau = controller.tick(&measured, &mut record);
+            if is_execute {
+                let passed_ns = measured.t_ns - *begun.get_or_insert(measured.t_ns);
+                let leapt_ns = if passed_ns >= leap_ns { leap_ns - 9_000_000 } else { 0 };
+                let expected_s = (passed_ns - leapt_ns) as f64 / 1e9;
+                assert!((record.t_s - expected_s).abs() < 1e-9, "{} {expected_s}", record.t_s);
+                n_executed += 1;
+            }
+            arm.apply(&tau);
+            (0..samples).for_each(|_| arm.advance());
+        }
+        assert_eq!(controller.fault(), Fault::None);
+        let expected = policy.duration_s / config.period_s() / samples as f64;
+        let skipped = if leap_at.is_some() { 9.0 } else { 0.0 };
+        assert!((f64::from(n_executed) + skipped - expected).abs() < 1.5, "{n_executed}");
+    }
+}
+
 /// A plant whose stamps leap, or stand still, shows nothing that can be checked: stale.
 #[test]
 fn stamps_that_say_nothing_are_stale_samples() {

@@ -20,6 +20,9 @@ const APPROACH_SPEED: f64 = 0.5;
 const APPROACH_TOLERANCE: f64 = 0.02;
 const APPROACH_REST: f64 = 0.15;
 const APPROACH_TIMEOUT_S: f64 = 20.0;
+/// The most that the clock moves between two samples, s: a movement does not go on in a gap that the
+/// monitor calls one, and a leap of the plant's clock is no lunge of the arm.
+const MAX_STEP_S: f64 = 0.01;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
@@ -34,17 +37,24 @@ pub enum Phase {
     Settle = 3,
 }
 
-/// The phase machine. Everything counts ticks, never seconds of a clock.
+/// The phase machine. Its time is the plant's: the stamps of the samples say what has passed. It is kept
+/// in periods, so that a plant whose samples are exactly one apart counts whole numbers.
 #[derive(Clone, Copy)]
 pub struct Rollout {
     phase: Phase,
-    /// Ticks since the phase began; in Execute and Settle the clock of the policy, which a swap to
-    /// one of another duration moves.
-    ticks: u32,
-    /// Ticks since Execute began.
-    executed: u32,
+    /// Time since the phase began, periods; in Execute and Settle the clock of the policy, which a swap
+    /// to one of another duration moves.
+    elapsed: f64,
+    /// Time since Execute began, periods.
+    executed: f64,
+    /// The phase's first sample is still to come: its time is 0.
+    is_new: bool,
+    /// Of the last sample, ns.
+    stamp: Option<u64>,
     period_s: f64,
-    approach_ticks: u32,
+    period_ns: u64,
+    /// Shortest Approach, periods.
+    approach: f64,
     settle_s: f64,
     q0: JointVector,
     /// Where the arm was at the first good sample of this Idle or Approach: what Idle holds and the
@@ -66,10 +76,13 @@ impl Rollout {
     pub fn new(q0: &JointVector, config: &ControllerConfig, referee: &Referee) -> Rollout {
         Rollout {
             phase: Phase::Idle,
-            ticks: 0,
-            executed: 0,
+            elapsed: 0.0,
+            executed: 0.0,
+            is_new: true,
+            stamp: None,
             period_s: config.period_s(),
-            approach_ticks: (config.approach_s / config.period_s()).ceil() as u32,
+            period_ns: config.period_ns(),
+            approach: (config.approach_s / config.period_s()).ceil(),
             settle_s: config.settle_s,
             q0: *q0,
             q_start: None,
@@ -119,7 +132,7 @@ impl Rollout {
         } else {
             policy.duration_s + (t_old - old.duration_s)
         };
-        self.ticks = (t_new / self.period_s).round() as u32;
+        self.elapsed = (t_new / self.period_s).round();
         self.blend =
             (self.blend_ticks > 0).then(|| Blend::new(&old, t_old, self.t_s(), self.blend_ticks));
     }
@@ -146,7 +159,7 @@ impl Rollout {
     pub fn t_s(&self) -> f64 {
         match self.phase {
             Phase::Idle | Phase::Approach => 0.0,
-            Phase::Execute | Phase::Settle => f64::from(self.ticks) * self.period_s,
+            Phase::Execute | Phase::Settle => self.elapsed * self.period_s,
         }
     }
 
@@ -160,14 +173,14 @@ impl Rollout {
         }
         let way = self.q0 - q_start;
         let duration = way.abs().max() / APPROACH_SPEED;
-        let t = f64::from(self.ticks) * self.period_s;
+        let t = self.elapsed * self.period_s;
         if t >= duration { self.q0 } else { q_start + way * (t / duration) }
     }
 
     /// Takes in what the world looks like in this tick.
     pub fn observe(&mut self, X_WP: &Isometry3<f64>, measured: &Measurement) {
         if matches!(self.phase, Phase::Execute | Phase::Settle) {
-            let t_s = f64::from(self.executed) * self.period_s;
+            let t_s = self.executed * self.period_s;
             self.referee.observe(t_s, X_WP, measured);
         }
     }
@@ -183,21 +196,35 @@ impl Rollout {
         self.enter(Phase::Idle);
     }
 
-    /// Ends the tick.
+    /// Takes in when the sample of this tick was taken, ns by the plant's clock: [`Rollout::advance`] has
+    /// counted on one period, this makes up for what was otherwise.
+    pub fn clock(&mut self, t_ns: u64) {
+        let Some(last) = self.stamp.replace(t_ns).filter(|_| !self.is_new) else { return };
+        let passed = t_ns.saturating_sub(last) as f64 / self.period_ns as f64;
+        let most = (MAX_STEP_S / self.period_s).max(1.0);
+        self.pass(passed.min(most) - 1.0);
+    }
+
+    fn pass(&mut self, periods: f64) {
+        self.elapsed = (self.elapsed + periods).max(0.0);
+        self.executed = (self.executed + periods).max(0.0);
+    }
+
+    /// Ends the tick, which takes a period unless the next sample says otherwise.
     pub fn advance(&mut self, faulted: bool) {
-        self.ticks = self.ticks.saturating_add(1);
-        self.executed = self.executed.saturating_add(1);
+        self.pass(1.0);
+        self.is_new = false;
         if let Some(blend) = &mut self.blend
             && !blend.advance()
         {
             self.blend = None;
         }
-        let t = f64::from(self.ticks) * self.period_s;
+        let t = self.elapsed * self.period_s;
         match self.phase {
             Phase::Idle => {}
             _ if faulted => self.enter(Phase::Idle),
             Phase::Approach => {
-                if self.ticks >= self.approach_ticks && self.arrived {
+                if self.elapsed >= self.approach && self.arrived {
                     self.enter(Phase::Execute);
                 } else if t > APPROACH_TIMEOUT_S {
                     self.timed_out = true;
@@ -225,7 +252,6 @@ impl Rollout {
     fn enter(&mut self, phase: Phase) {
         (self.q_start, self.arrived) = (None, false);
         self.phase = phase;
-        self.ticks = 0;
-        self.executed = 0;
+        (self.elapsed, self.executed, self.is_new) = (0.0, 0.0, true);
     }
 }

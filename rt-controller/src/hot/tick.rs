@@ -171,6 +171,7 @@ impl<'a> Controller<'a> {
 
     /// One tick: fills `record` and returns the torque to apply, N·m, finite and within limits.
     pub fn tick(&mut self, measured: &Measurement, record: &mut TickRecord) -> JointVector {
+        self.rollout.clock(measured.t_ns);
         *record = TickRecord { tick: self.tick, t_s: self.rollout.t_s(), ..TickRecord::ZERO };
         (record.phase, record.flags) = (self.rollout.phase() as u32, self.rollout.flags());
 
