@@ -174,7 +174,8 @@ impl SessionFolder {
 }
 
 fn demonstration_text(config: &Config) -> Result<String> {
-    setup::text_of(config.task.demonstration.as_deref(), setup::PANCAKE_DEMONSTRATION)
+    let built_in = config.task()?.arm()?.demonstration;
+    setup::text_of(config.task.demonstration.as_deref(), built_in)
 }
 
 fn other_texts(config: &Config) -> Result<String> {

@@ -13,10 +13,6 @@ use shm_types::episode::MAX_RECORDS;
 use crate::config::Config;
 use crate::holding;
 
-/// Built in, so that the main job needs no file: the project's own URDF and demonstration.
-pub const WAM7_URDF: &str = include_str!("../robots/wam7/wam7_pan.urdf");
-pub const PANCAKE_DEMONSTRATION: &str = include_str!("../demos/pancake.csv");
-
 /// Farthest the demonstration may begin from the pan's start, m and rad.
 const START_TOLERANCE_M: f64 = 0.02;
 const START_TOLERANCE_RAD: f64 = 0.05;
@@ -42,7 +38,7 @@ pub fn arm_notes(config: &Config) -> Result<Vec<String>> {
     Ok(notes.iter().map(|note| format!("{}: {note}", path.display())).collect())
 }
 
-/// The arm, in whose start posture the pan is level.
+/// The arm, in whose start posture the tip is level.
 pub fn arm(config: &Config) -> Result<ArmModel> {
     let model = load_arm(config)?.model;
     let given = config.plant.start_posture_rad.len();
@@ -67,9 +63,9 @@ pub fn arm(config: &Config) -> Result<ArmModel> {
     let tilt = (kinematics::tip_pose(&model, &q0).rotation * Vector3::z()).angle(&Vector3::z());
     if tilt > START_TOLERANCE_RAD {
         bail!(
-            "plant.start_posture_rad tilts the pan by {tilt:.3} rad: choose a posture in which link \
-             '{}' is level, or the pancake slides off before the first rollout; `skillet arm check` \
-             finds one",
+            "plant.start_posture_rad tilts link '{}' by {tilt:.3} rad: choose a posture in which it is \
+             level, or what lies on it slides off before the first rollout; `skillet arm check` finds \
+             one",
             config.plant.tip
         );
     }
@@ -89,7 +85,7 @@ pub fn arm(config: &Config) -> Result<ArmModel> {
 pub fn arm_text(config: &Config) -> Result<String> {
     match &config.plant.arm {
         Some(path) => Ok(urdf::read_file(path)?),
-        None => Ok(WAM7_URDF.to_string()),
+        None => Ok(config.task()?.arm()?.urdf.to_string()),
     }
 }
 
@@ -140,12 +136,18 @@ pub fn check_demonstration(
 pub fn demonstrations(config: &Config) -> Result<Vec<Demonstration>> {
     let mut all = vec![match &config.task.demonstration {
         Some(path) => read_demonstration(path)?,
-        None => Demonstration::parse("built-in demonstration", PANCAKE_DEMONSTRATION)?,
+        None => built_in_demonstration(config)?,
     }];
     for path in &config.task.other_demonstrations {
         all.push(read_demonstration(path)?);
     }
     Ok(all)
+}
+
+/// The one that the task brings along.
+pub fn built_in_demonstration(config: &Config) -> Result<Demonstration> {
+    let text = config.task()?.arm()?.demonstration;
+    Ok(Demonstration::parse("built-in demonstration", text)?)
 }
 
 fn read_demonstration(path: &Path) -> Result<Demonstration> {
@@ -181,7 +183,7 @@ fn check_reach(model: &ArmModel, q0: &JointVector, demonstration: &Demonstration
             let turn = target.rotation.angle_to(&start.rotation);
             if gap > START_TOLERANCE_M || turn > START_TOLERANCE_RAD {
                 bail!(
-                    "{file}: begins {gap:.3} m and {turn:.3} rad from the pan in the start posture \
+                    "{file}: begins {gap:.3} m and {turn:.3} rad from the tip in the start posture \
                      ({:.3}, {:.3}, {:.3}) m: begin there (`skillet demo import --at-start` moves it), or \
                      change plant.start_posture_rad",
                     start.translation.x,
@@ -196,7 +198,7 @@ fn check_reach(model: &ArmModel, q0: &JointVector, demonstration: &Demonstration
         q = inverse_kinematics::solve(model, &target, &q).with_context(|| {
             let t = i as f64 * demonstration.period_s();
             format!(
-                "{file}: the pan cannot reach ({:.3}, {:.3}, {:.3}) m at t = {t:.2} s; move the \
+                "{file}: the tip cannot reach ({:.3}, {:.3}, {:.3}) m at t = {t:.2} s; move the \
                  demonstration into the reach of the arm",
                 pose[0], pose[1], pose[2]
             )

@@ -1,9 +1,16 @@
 //! A rollout simulated in one process is, bit for bit, the rollout of a session with two.
 
+#[path = "../src/tasks/camera.rs"]
+mod camera;
 #[path = "../src/tasks/pancake/measurer.rs"] // what the tool measures by
 mod measurer;
 mod util;
+/// Where the measurer finds the camera.
+mod tasks {
+    pub(crate) use crate::camera;
+}
 
+use camera::Camera;
 use learner::judge::Judge;
 use learner::parameters::PolicyIds;
 use learner::problem::Problem;
@@ -41,7 +48,7 @@ fn thetas_rewards_and_outcomes_are_those_of_a_session() {
     let mut controlled =
         Controlled { model: &arm, plant: &mut plant, q0: WAM7_START_POSTURE, referee };
     let controller = ControllerConfig::default();
-    let measurer = PancakeMeasurer { model: arm.clone(), outcome, record_s: controller.period_s() };
+    let measurer = PancakeMeasurer { camera: Camera::new(&arm, controller.record_s()), outcome };
     let judge = Judge::new(Box::new(measurer), Box::new(config.reward));
     let mut records = vec![TickRecord::ZERO; MAX_RECORDS];
     for trial in session {

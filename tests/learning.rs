@@ -3,11 +3,18 @@
 //! One seed says little: of seeds 1 to 40, the worst ends with 10 % and the best with all of its last
 //! rollouts successful. So the test judges sums over seeds.
 
+#[path = "../src/tasks/camera.rs"]
+mod camera;
 #[path = "../src/tasks/pancake/measurer.rs"] // what the tool measures by
 mod measurer;
+/// Where the measurer finds the camera.
+mod tasks {
+    pub(crate) use crate::camera;
+}
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use camera::Camera;
 use learner::judge::Judge;
 use learner::parameters::PolicyIds;
 use learner::problem::Problem;
@@ -38,7 +45,7 @@ fn successes(config: &LearnerConfig, demonstration: &Demonstration, arm: &ArmMod
     let problem = Problem::new(config, std::slice::from_ref(demonstration)).unwrap();
     let mut search = problem.search(config);
     let (controller, outcome) = (ControllerConfig::default(), OutcomeConfig::default());
-    let measurer = PancakeMeasurer { model: arm.clone(), outcome, record_s: controller.period_s() };
+    let measurer = PancakeMeasurer { camera: Camera::new(&arm, controller.record_s()), outcome };
     let judge = Judge::new(Box::new(measurer), Box::new(config.reward));
     let mut records = vec![TickRecord::ZERO; MAX_RECORDS];
     let rollout = |rollout| {

@@ -144,6 +144,11 @@ impl ControllerConfig {
         u64::from(self.period_us) * 1000
     }
 
+    /// Time from record to record, s.
+    pub fn record_s(&self) -> f64 {
+        self.period_s() * self.record_stride() as f64
+    }
+
     /// Ticks per record: records are never closer than 1 ms.
     pub fn record_stride(&self) -> usize {
         1000_usize.div_ceil(self.period_us as usize)

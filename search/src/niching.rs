@@ -6,7 +6,8 @@
 //! that are close together lead to others of their scale. Before and during a climb, trials between
 //! its best place and the nearest known optimum tell whether a valley lies between (the hill-valley
 //! test of Ursem, CEC 1999); without one, the hill is known and the climb ends. All of this happens
-//! in fractions of the box, and by rank: only [`Search::modes`] compares rewards by size.
+//! in fractions of the box, and by rank: only [`Search::modes`] compares rewards by size, and the
+//! surrogate of a climb, for those who have hundreds of trials and not thousands.
 //!
 //! The work of a trial does not grow with their number; the nearest known optimum is looked for
 //! once per test.
@@ -14,6 +15,8 @@
 mod climb;
 mod config;
 mod optima;
+mod smooth;
+mod steps;
 
 use climb::Climb;
 pub use config::NichingConfig;
@@ -54,6 +57,7 @@ pub struct Niching {
     seed: u64,
     bounds: Bounds,
     filling: Filling,
+    theta_0: DVector<f64>,
     mean: DVector<f64>,
     optima: Optima,
     stage: Stage,
@@ -70,8 +74,20 @@ impl Niching {
         let (stage, climb) = (Stage::Even(Vec::new()), None);
         let optima = Optima { all: Vec::new(), answer_share: config.answer_share };
         let mean = bounds.clamp(&theta_0);
-        let (n_starts, n_even) = (0, 0);
-        Niching { config, seed, bounds, filling, mean, optima, stage, climb, n_starts, n_even }
+        let (n_starts, n_even, theta_0) = (0, 0, mean.clone());
+        Niching {
+            config,
+            seed,
+            bounds,
+            filling,
+            theta_0,
+            mean,
+            optima,
+            stage,
+            climb,
+            n_starts,
+            n_even,
+        }
     }
 
     /// By turns a random direction and a distance about that of the optimum's nearest neighbour,
@@ -108,6 +124,17 @@ impl Niching {
         }
     }
 
+    /// The start of a climb that is not beside an optimum.
+    fn start(&self, rollout: u64) -> DVector<f64> {
+        if self.config.start_std == 0.0 {
+            return self.filling.place(self.n_even);
+        }
+        let start = self.bounds.fractions(&self.theta_0);
+        let std = if self.n_even == 0 { 0.0 } else { self.config.start_std };
+        let mut rng = stream(self.seed, rollout);
+        start.map(|x| x + std * standard_normal(&mut rng))
+    }
+
     /// `at` is on a hill without a known top: start climbing it, go on, or there is its top. A climb
     /// that went far may have ended on a ridge: another one follows, as wide as it went.
     fn is_new(&mut self, at: Trial) {
@@ -115,7 +142,8 @@ impl Niching {
             return self.go_on(at);
         };
         let way = climb.way();
-        if way > RESOLUTION * self.config.climb.end_std && at.reward >= self.optima.threshold() {
+        let is_far = way > RESOLUTION * self.config.climb.end_std && !climb.has_succeeded();
+        if is_far && at.reward >= self.optima.threshold() {
             let std = (0.5 * way).min(self.config.initial_std);
             self.climb = Some(Climb::new(self.config.climb, at, std));
             self.stage = Stage::Climb;
@@ -157,7 +185,7 @@ impl Niching {
     fn next_start(&mut self) {
         self.n_starts += 1;
         self.stage = Stage::Even(Vec::new());
-        if self.n_starts.is_multiple_of(2) {
+        if self.config.start_std > 0.0 || self.n_starts.is_multiple_of(2) {
             return;
         }
         let answers = self.optima.answers();
@@ -171,14 +199,14 @@ impl Niching {
 impl Search for Niching {
     fn ask(&self, rollout: u64) -> Proposal {
         let place = match &self.stage {
-            Stage::Even(_) => self.filling.place(self.n_even),
+            Stage::Even(_) => self.start(rollout),
             Stage::Beside(optimum) => self.place_beside(*optimum, rollout),
             Stage::Test { at, optimum, probe } => {
                 at.theta.lerp(&self.optima.all[*optimum].trial.theta, PROBES[*probe])
             }
             Stage::Climb => {
                 let climb = self.climb.as_ref().expect("the stage is Climb only with one");
-                climb.gaussian().sample(self.seed, rollout)
+                climb.place(self.seed, rollout)
             }
         };
         let theta = self.bounds.at(place.map(|x| x.clamp(0.0, 1.0)).as_slice());
@@ -201,10 +229,12 @@ impl Search for Niching {
                 told.push(trial);
                 if told.len() < self.config.n_candidates {
                     self.stage = Stage::Even(told);
-                } else {
-                    told.sort_by(by_reward);
-                    self.test(told.swap_remove(0));
+                    return;
                 }
+                told.sort_by(by_reward);
+                let best = told.swap_remove(0);
+                // A start amidst the optima lies too low for a valley to show.
+                if self.config.start_std > 0.0 { self.go_on(best) } else { self.test(best) }
             }
             Stage::Beside(_) => self.test(trial),
             Stage::Test { at, optimum, probe } => {

@@ -19,7 +19,7 @@ use crate::cli::arm::CheckArgs;
 use crate::config::Config;
 use crate::config::plant::PanConfig;
 use crate::demo::Effort;
-use crate::setup::{self, MAX_TURN_RAD, PANCAKE_DEMONSTRATION};
+use crate::setup::{self, MAX_TURN_RAD};
 use mounting::{Mounting, mountings};
 
 /// Pans that are tried, kg, the heaviest first.
@@ -196,7 +196,7 @@ fn best(
 
 /// Follows the built-in demonstration, begun at the pan of the posture, at its speed.
 fn misfit(config: &Config, model: &ArmModel, posture: &StartPosture) -> Result<()> {
-    let demonstration = Demonstration::parse("built-in demonstration", PANCAKE_DEMONSTRATION)?;
+    let demonstration = setup::built_in_demonstration(config)?;
     let poses = demonstration.poses();
     let p = posture.X_WP.translation.vector;
     let from_start = [p.x - poses[0][0], p.y - poses[0][1], p.z - poses[0][2]];

@@ -39,7 +39,9 @@ pub fn run(args: &ControllerArgs) -> Result<Verdict> {
     let state = (!args.private).then(|| state_dir(&config, &cell));
     let state = state.as_deref();
     let summary = match config.task()?.world {
-        World::Arm(world) => run_arm(&cell, &config, world, core, args.pace.into(), state, &stop)?,
+        World::Arm(arm) => {
+            run_arm(&cell, &config, (arm.world)(&config)?, core, args.pace.into(), state, &stop)?
+        }
         World::Action(world) => {
             rt_controller::run_action(&cell, world(&config).as_ref(), state, &stop)?
         }
@@ -63,13 +65,13 @@ pub fn run(args: &ControllerArgs) -> Result<Verdict> {
 fn run_arm(
     cell: &Cell,
     config: &Config,
-    world: fn(&Config) -> Result<ArmWorld>,
+    world: ArmWorld,
     core: usize,
     pace: Pace,
     state: Option<&Path>,
     stop: &AtomicBool,
 ) -> Result<RunSummary> {
-    let ArmWorld { model, q0, mut plant, referee, .. } = world(config)?;
+    let ArmWorld { model, q0, mut plant, referee, .. } = world;
     holding::check_start(config, &model)?;
     setup::arm_notes(config)?.iter().for_each(|note| tracing::warn!("{note}"));
     let controlled = Controlled { model: &model, plant: &mut plant, q0, referee };

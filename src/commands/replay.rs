@@ -108,7 +108,7 @@ fn replay(store: &Store, config: &Config, trial: &TrialRecord) -> Result<Replaye
         format!("the store lacks policy {} of trial {}", trial.policy_id, trial.rollout)
     })?;
     let (header, records) = match config.task()?.world {
-        World::Arm(world) => flip(config, world(config)?, &policy)?,
+        World::Arm(arm) => move_arm(config, (arm.world)(config)?, &policy)?,
         World::Action(world) => act(world(config).as_ref(), &policy)?,
     };
     let (measures, success, reward) = judging::judge(config)?.judge(&header, &records)?;
@@ -116,7 +116,7 @@ fn replay(store: &Store, config: &Config, trial: &TrialRecord) -> Result<Replaye
     Ok(Replayed { policy, measures, success, reward, fault, records, period_ns })
 }
 
-fn flip(
+fn move_arm(
     config: &Config,
     world: ArmWorld,
     policy: &PolicyMsg,

@@ -54,6 +54,11 @@ pub fn write(folder: &SessionFolder, notes: &[(String, String)]) -> Result<PathB
 
 fn gather(folder: &SessionFolder, notes: &[(String, String)]) -> Result<ReportData> {
     let config = Config::load(Some(&folder.config_path()))?;
+    let task = config.task()?;
+    let (tip, object) = match task.arm() {
+        Ok(arm) => (arm.solids)(&config).names(),
+        Err(_) => ("", ""),
+    };
     let store = open(folder.dir(), &folder.database())?;
     let trials = store.trials()?;
     let initial = store.initial_policy()?;
@@ -78,7 +83,9 @@ fn gather(folder: &SessionFolder, notes: &[(String, String)]) -> Result<ReportDa
         notes: notes.to_vec(),
         modes: modes::rows(&store, config.learner.prefer)?,
         timing: timing(&folder.timing()),
-        pictures: (config.task()?.pictures)(&config),
+        pictures: (task.pictures)(&config),
+        tip,
+        object,
         success: config.success()?.unwrap_or("success"),
         trials: trials
             .iter()

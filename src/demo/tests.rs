@@ -15,7 +15,6 @@ mod dialects;
 mod recorders;
 
 use super::*;
-use crate::setup::{PANCAKE_DEMONSTRATION, WAM7_URDF};
 
 const AS_IT_IS: Options = Options {
     rate_hz: 100.0,
@@ -30,6 +29,9 @@ const AS_IT_IS: Options = Options {
 fn import(file: &str, text: &str, model: &ArmModel, options: &Options) -> Result<Imported> {
     super::import(file, text.as_bytes(), model, options)
 }
+
+const WAM7_URDF: &str = include_str!("../../robots/wam7/wam7_pan.urdf");
+const PANCAKE_DEMONSTRATION: &str = include_str!("../../demos/pancake.csv");
 
 fn arm() -> ArmModel {
     ArmModel::from_urdf(WAM7_URDF, "pan").unwrap()

@@ -1,17 +1,17 @@
-//! The arm, the pan and the pancake as 3-D viewers draw them: frames and simple shapes.
+//! The arm, what it carries and the object as 3-D viewers draw them: frames and simple shapes.
 
 use foxglove::messages::{
-    Color, CylinderPrimitive, FrameTransform, FrameTransforms, JointState, JointStates, Pose,
-    Quaternion, SceneEntity, SceneUpdate, SpherePrimitive, Timestamp, Vector3 as FoxVector3,
+    Color, CylinderPrimitive, FrameTransform, FrameTransforms, JointState, JointStates,
+    LinePrimitive, Point3, Pose, Quaternion, SceneEntity, SceneUpdate, SpherePrimitive, Timestamp,
+    Vector3 as FoxVector3, line_primitive,
 };
 use nalgebra::{Isometry3, Matrix3, SymmetricEigen, UnitQuaternion, Vector3};
 use physics::arm::ArmModel;
-use physics::pancake::PancakeConfig;
 use shm_types::episode::TickRecord;
 
+use super::solids::{Solid, Solids};
+
 const WORLD: &str = "world";
-const PAN: &str = "pan";
-const PANCAKE: &str = "pancake";
 
 /// Radius of the links as drawn: an arm of the model has no shape.
 const LINK_RADIUS_M: f64 = 0.035;
@@ -19,27 +19,28 @@ const LINK_RADIUS_M: f64 = 0.035;
 const ELLIPSOID_M_S: f64 = 0.1 / 22.36;
 
 const STEEL: [f64; 4] = [0.62, 0.65, 0.70, 1.0];
-const IRON: [f64; 4] = [0.20, 0.21, 0.24, 1.0];
-const DOUGH: [f64; 4] = [0.93, 0.72, 0.35, 1.0];
 const SPRING: [f64; 4] = [0.16, 0.47, 0.84, 0.35];
 const TARGET: [f64; 4] = [0.84, 0.22, 0.16, 0.9];
+const STRING: [f64; 4] = [0.45, 0.45, 0.45, 1.0];
+/// Of the string, m.
+const STRING_THICKNESS_M: f64 = 0.004;
 
-/// Draws one arm with its pan.
+/// Draws one arm with what it carries.
 pub struct Drawing {
     model: ArmModel,
-    world: PancakeConfig,
+    solids: Solids,
 }
 
 impl Drawing {
-    pub fn new(model: ArmModel, world: PancakeConfig) -> Drawing {
-        Drawing { model, world }
+    pub fn new(model: ArmModel, solids: Solids) -> Drawing {
+        Drawing { model, solids }
     }
 
     pub fn n_joints(&self) -> usize {
         self.model.n_joints()
     }
 
-    /// Every joint's frame in the one before it, the pan in the last of them, the pancake in the world.
+    /// Every joint's frame in the one before it, the tip in the last of them, the object in the world.
     pub fn transforms(&self, record: &TickRecord, at: Timestamp) -> FrameTransforms {
         let names = self.model.joint_names();
         let mut transforms = Vec::new();
@@ -58,11 +59,11 @@ impl Drawing {
             add(parent, &names[i], &(body.X_AB0() * turn));
             parent = &names[i];
         }
-        add(parent, PAN, &self.model.tip_offset());
+        add(parent, self.solids.tip.0, &self.model.tip_offset());
         let [w, i, j, k] = record.object_quaternion;
         let turn = UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, i, j, k));
         let position = Vector3::from(record.object_position);
-        add(WORLD, PANCAKE, &Isometry3::from_parts(position.into(), turn));
+        add(WORLD, self.solids.object.0, &Isometry3::from_parts(position.into(), turn));
         FrameTransforms { transforms }
     }
 
@@ -78,7 +79,7 @@ impl Drawing {
         JointStates { timestamp: Some(at), joints: joints.collect() }
     }
 
-    /// Arm, pan and pancake, each fixed to its frame: they move with the transforms.
+    /// Arm, tip and object, each fixed to its frame: they move with the transforms.
     pub fn bodies(&self, at: Timestamp) -> SceneUpdate {
         let names = self.model.joint_names();
         let mut entities = Vec::new();
@@ -88,36 +89,13 @@ impl Drawing {
             parent = &names[i];
         }
         entities.extend(link(parent, &self.model.tip_offset().translation.vector, at));
-        let world = &self.world;
-        let rim = world.rim_height * world.rim_tilt.cos();
-        let outer = world.pan_radius + world.rim_height * world.rim_tilt.sin();
-        let disc = |radius: f64, height: f64, z: f64, color, top_scale| CylinderPrimitive {
-            pose: Some(pose(&Isometry3::translation(0.0, 0.0, z))),
-            size: Some(FoxVector3 { x: 2.0 * radius, y: 2.0 * radius, z: height }),
-            bottom_scale: world.pan_radius / outer,
-            top_scale,
-            color: Some(rgba(color)),
-        };
-        // A bowl: opaque below, translucent where the pancake lies.
-        let [r, g, b, _] = IRON;
-        let pan = vec![
-            CylinderPrimitive {
-                bottom_scale: 1.0,
-                ..disc(world.pan_radius, world.pan_thickness, -0.5 * world.pan_thickness, IRON, 1.0)
-            },
-            disc(outer, rim, 0.5 * rim, [r, g, b, 0.35], 1.0),
-        ];
-        entities.push(entity(PAN, PAN, at, pan));
-        let thickness = world.pancake_thickness;
-        let pancake = CylinderPrimitive {
-            bottom_scale: 1.0,
-            ..disc(world.pancake_radius, thickness, 0.0, DOUGH, 0.92)
-        };
-        entities.push(entity(PANCAKE, PANCAKE, at, vec![pancake]));
+        for (frame, solids) in [&self.solids.tip, &self.solids.object] {
+            entities.push(solid_entity(frame, solids, at));
+        }
         SceneUpdate { deletions: Vec::new(), entities }
     }
 
-    /// The attractor, and the stiffness as an ellipsoid around the pan: semi-axes along the
+    /// The attractor, and the stiffness as an ellipsoid around the tip: semi-axes along the
     /// principal directions of Σ hᵢ Kᵢ, their lengths as the roots of the stiffnesses.
     /// `stiffness` is its packed lower triangle.
     pub fn springs(&self, record: &TickRecord, stiffness: &[f64], at: Timestamp) -> SceneUpdate {
@@ -145,7 +123,8 @@ impl Drawing {
             color: Some(rgba(TARGET)),
         };
         let spheres = vec![ellipsoid, attractor];
-        let springs = SceneEntity { spheres, ..entity("springs", WORLD, at, Vec::new()) };
+        let lines = self.solids.has_string.then(|| string(record)).into_iter().collect();
+        let springs = SceneEntity { spheres, lines, ..entity("springs", WORLD, at, Vec::new()) };
         SceneUpdate { deletions: Vec::new(), entities: vec![springs] }
     }
 }
@@ -167,6 +146,43 @@ fn link(frame: &str, p: &Vector3<f64>, at: Timestamp) -> Option<SceneEntity> {
         color: Some(rgba(STEEL)),
     };
     Some(entity(&format!("link after {frame}"), frame, at, vec![cylinder]))
+}
+
+/// Shapes that move with `frame`.
+fn solid_entity(frame: &str, solids: &[Solid], at: Timestamp) -> SceneEntity {
+    let (mut cylinders, mut spheres) = (Vec::new(), Vec::new());
+    for solid in solids {
+        match *solid {
+            Solid::Cone { bottom_radius, top_radius, height, z, color } => {
+                let radius = bottom_radius.max(top_radius);
+                cylinders.push(CylinderPrimitive {
+                    pose: Some(pose(&Isometry3::translation(0.0, 0.0, z))),
+                    size: Some(FoxVector3 { x: 2.0 * radius, y: 2.0 * radius, z: height }),
+                    bottom_scale: bottom_radius / radius,
+                    top_scale: top_radius / radius,
+                    color: Some(rgba(color)),
+                });
+            }
+            Solid::Ball { radius, color } => spheres.push(SpherePrimitive {
+                pose: Some(pose(&Isometry3::identity())),
+                size: Some(FoxVector3 { x: 2.0 * radius, y: 2.0 * radius, z: 2.0 * radius }),
+                color: Some(rgba(color)),
+            }),
+        }
+    }
+    SceneEntity { spheres, ..entity(frame, frame, at, cylinders) }
+}
+
+/// From the tip to the object, in the world.
+fn string(record: &TickRecord) -> LinePrimitive {
+    let ends = [[record.x[0], record.x[1], record.x[2]], record.object_position];
+    LinePrimitive {
+        r#type: line_primitive::Type::LineStrip as i32,
+        thickness: STRING_THICKNESS_M,
+        points: ends.map(|[x, y, z]| Point3 { x: rounded(x), y: rounded(y), z: rounded(z) }).into(),
+        color: Some(rgba(STRING)),
+        ..LinePrimitive::default()
+    }
 }
 
 fn entity(id: &str, frame: &str, at: Timestamp, cylinders: Vec<CylinderPrimitive>) -> SceneEntity {

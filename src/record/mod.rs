@@ -10,6 +10,7 @@ mod recover;
 mod schema;
 pub mod scribe;
 pub mod session;
+pub mod solids;
 mod told;
 pub mod watcher;
 
@@ -26,8 +27,8 @@ pub fn scribe(config: &Config) -> Result<Scribe> {
     if !config.has_arm() {
         return Ok(Scribe::new(None));
     }
-    let world = config.plant.world(config.controller.period_s());
-    Ok(Scribe::new(Some(Drawing::new(setup::arm(config)?, world))))
+    let solids = (config.task()?.arm()?.solids)(config);
+    Ok(Scribe::new(Some(Drawing::new(setup::arm(config)?, solids))))
 }
 
 /// What a recording carries beside its messages.

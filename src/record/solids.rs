@@ -18,3 +18,10 @@ pub struct Solids {
     /// A string leads from the tip to the object.
     pub has_string: bool,
 }
+
+impl Solids {
+    /// What the tip and the object are called.
+    pub fn names(&self) -> (&'static str, &'static str) {
+        (self.tip.0, self.object.0)
+    }
+}

@@ -23,10 +23,10 @@ const N_COLOURS: usize = 8;
 const AREA: (f64, f64) = (384.0, 420.0);
 
 const LEGEND: [Entry; 5] = [
-    (Key::Line, "learnt", "path of the pan"),
+    (Key::Line, "learnt", "path"),
     (Key::Line, "attractor", "path of the attractor"),
     (Key::Dot, "o3", "attractor"),
-    (Key::Line, "initial", "initial: pan"),
+    (Key::Line, "initial", "initial: path"),
     (Key::Dot, "dot start", "initial: attractor"),
 ];
 
@@ -44,15 +44,16 @@ pub fn figure(data: &ReportData) -> Figure {
     }
     Figure {
         stem: "attractors",
-        title: "Attractors and path of the pan",
+        title: "Attractors and path",
         caption: format!(
             "Side view, both axes to the same scale. The attractors μ<sub>i</sub> are numbered in \
-             the order of their activation; the springs pull the pan towards their weighted mean \
+             the order of their activation; the springs pull the {} towards their weighted mean \
              Σ<sub>i</sub> h<sub>i</sub> μ<sub>i</sub> (dashed), which it need not reach. Each \
              ellipse joins the displacements of equal spring energy: wide where the spring is \
              compliant, and a circle of {:.0}&#8239;mm radius where it has \
              {REFERENCE_STIFFNESS:.0}&#8239;s⁻² in every direction. Grey: the initial \
              policy.{missing}",
+            data.tip,
             REFERENCE_RADIUS_M * 1e3
         ),
         rows,
@@ -72,7 +73,8 @@ fn draw(data: &ReportData) -> Panel {
     let x = Axis::exactly("x (forward), m", all().map(|point| point.0));
     let z = Axis::exactly("z (up), m", all().map(|point| point.1));
     let (x, z, area) = equal_scale(x, z);
-    let alt = format!("{} attractors and the path of the pan from the side", attractors.len());
+    let (n, tip) = (attractors.len(), data.tip);
+    let alt = format!("{n} attractors and the path of the {tip} from the side");
     let mut plot = Plot::new(Plot::outer_size(area, &LEGEND), &alt, x, z, &LEGEND);
 
     let outlines = ellipses(&data.learnt, &plot);

@@ -14,26 +14,26 @@ const LEGEND: [Entry; 3] = [
     (Key::Line, "attractor", "attractor"),
 ];
 
-/// Axis label and what it shows of a row, and of the attractor where there is one.
+/// What it is of whom, what it shows of a row, and of the attractor where there is one.
 struct Coordinate {
-    label: &'static str,
+    of: fn(&ReportData) -> String,
     value: fn(&PathRow) -> f32,
     attractor: Option<fn(&PathRow) -> f32>,
 }
 
 const COORDINATES: [Coordinate; 3] = [
     Coordinate {
-        label: "height of the pan, m",
+        of: |data| format!("height of the {}, m", data.tip),
         value: |row| row.pan_position[2],
         attractor: Some(|row| row.attractor[2]),
     },
     Coordinate {
-        label: "pitch of the pan, ° (nose down > 0)",
+        of: |data| format!("pitch of the {}, ° (nose down > 0)", data.tip),
         value: |row| row.pan_rotation[0].to_degrees(),
         attractor: Some(|row| row.attractor[3].to_degrees()),
     },
     Coordinate {
-        label: "height of the pancake, m",
+        of: |data| format!("height of the {}, m", data.object),
         value: |row| row.object_position[2],
         attractor: None,
     },
@@ -55,10 +55,12 @@ pub fn figure(data: &ReportData) -> Figure {
         stem: "coordinates",
         title: "Movement over time",
         caption: format!(
-            "Rollout {} against the initial policy, which imitates the demonstration. The pan \
+            "Rollout {} against the initial policy, which imitates the demonstration. The {} \
              lags behind its attractor as a spring does; where the springs are soft it follows \
-             least. Dotted lines: release and crossing of the learnt rollout.{initial}",
-            data.learnt_rollout
+             least. Dotted lines: {} of the learnt rollout.{initial}",
+            data.learnt_rollout,
+            data.tip,
+            if data.is_toss() { "release and crossing" } else { "crossing, where there is one," }
         ),
         rows,
     }
@@ -74,8 +76,9 @@ fn draw(data: &ReportData, coordinate: &Coordinate) -> Panel {
         coordinate.attractor.map_or(Vec::new(), |value| curve(&data.learnt_path, value));
     let all = || initial.iter().chain(&learnt).chain(&attractor);
     let x = Axis::exactly("time, s", all().map(|point| point.0));
-    let y = Axis::rounded(coordinate.label, all().map(|point| point.1));
-    let alt = format!("{} over time, learnt and initial policy", coordinate.label);
+    let label = (coordinate.of)(data);
+    let y = Axis::rounded(&label, all().map(|point| point.1));
+    let alt = format!("{label} over time, learnt and initial policy");
     let legend = if coordinate.attractor.is_some() { &LEGEND[..] } else { &LEGEND[..2] };
     let mut plot = Plot::new((THIRD, 250.0), &alt, x, y, legend);
     mark_events(&mut plot, &data.learnt_measures, ["", ""]);

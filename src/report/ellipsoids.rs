@@ -19,7 +19,7 @@ const AT_MOST: usize = 24;
 const POINTS: usize = 48;
 
 const LEGEND: [Entry; 2] =
-    [(Key::Line, "learnt", "path of the pan"), (Key::Dot, "dot success", "release, crossing")];
+    [(Key::Line, "learnt", "path"), (Key::Dot, "dot success", "release, crossing")];
 
 pub fn figure(data: &ReportData) -> Figure {
     let rows = if data.learnt.components().is_empty() {
@@ -32,12 +32,13 @@ pub fn figure(data: &ReportData) -> Figure {
     Figure {
         stem: "ellipsoids",
         title: "Stiffness along the path",
-        caption: "Side view, both axes to the same scale. Each ellipse is the stiffness \
-                  Σ<sub>i</sub> h<sub>i</sub>(t) K<sub>i</sub> in the plane at a moment, drawn \
-                  where the pan was: the accelerations that answer displacements of one length in \
-                  all directions, long where the pan is held stiffly. From blue (start) to yellow \
-                  (end)."
-            .to_owned(),
+        caption: format!(
+            "Side view, both axes to the same scale. Each ellipse is the stiffness \
+             Σ<sub>i</sub> h<sub>i</sub>(t) K<sub>i</sub> in the plane at a moment, drawn where the {tip} \
+             was: the accelerations that answer displacements of one length in all directions, \
+             long where the {tip} is held stiffly. From blue (start) to yellow (end).",
+            tip = data.tip
+        ),
         rows,
     }
 }
@@ -84,8 +85,9 @@ fn draw(data: &ReportData) -> Panel {
     let x = Axis::exactly("x (forward), m", path.iter().map(|row| place(row).0));
     let z = Axis::exactly("z (up), m", path.iter().map(|row| place(row).1));
     let (x, z, area) = equal_scale(x, z);
-    let alt = "ellipses of the stiffness along the path of the pan, from the side";
-    let mut plot = Plot::new(Plot::outer_size(area, &LEGEND), alt, x, z, &LEGEND);
+    let alt =
+        format!("ellipses of the stiffness along the path of the {}, from the side", data.tip);
+    let mut plot = Plot::new(Plot::outer_size(area, &LEGEND), &alt, x, z, &LEGEND);
     let at = |row: &PathRow| plot.at(place(row).0, place(row).1);
     let moments = moments(path, policy.duration_s, at);
     let drawn: Vec<(Matrix2<f64>, (f64, f64))> = moments

@@ -17,6 +17,7 @@ mod measures;
 mod modes;
 mod outcomes;
 mod page;
+mod paths;
 mod plane;
 mod principal;
 mod reward;
@@ -62,6 +63,9 @@ pub struct ReportData {
     /// One entry a pace, or why there are none.
     pub timing: Result<Vec<LoopTiming>, String>,
     pub pictures: Pictures,
+    /// What the arm carries and what is tracked; empty without an arm.
+    pub tip: &'static str,
+    pub object: &'static str,
     /// What a success is called.
     pub success: &'static str,
 }
@@ -132,6 +136,8 @@ fn all_figures(data: &ReportData) -> Vec<Figure> {
     let mut figures = vec![reward::figure(data)];
     if data.is_toss() {
         figures.extend([strip::figure(data), animation::figure(data)]);
+    } else {
+        figures.push(paths::figure(data));
     }
     figures.extend([
         modes::figure(data),

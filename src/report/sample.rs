@@ -67,6 +67,8 @@ pub fn session(n: u64) -> ReportData {
             tick: vec![(1700, 1000), (2100, 900)],
         }]),
         pictures: Pictures::Toss,
+        tip: "pan",
+        object: "pancake",
         success: "caught flip",
     }
 }

@@ -26,6 +26,9 @@ const LABELS: [&str; TASK_DIM] = [
     "stiffness in yaw, s⁻²",
 ];
 
+const EVENTS: &str = " Release: the pancake leaves the pan; crossing: it falls back to \
+    Δ<sub>h</sub> above it.";
+
 pub fn figure(data: &ReportData) -> Figure {
     let rows = if data.learnt.components().is_empty() {
         Err("the session has no learnt policy.".to_owned())
@@ -42,10 +45,9 @@ pub fn figure(data: &ReportData) -> Figure {
         title: "Learnt stiffness",
         caption: "Diagonal entries of the stiffness Σ<sub>i</sub> h<sub>i</sub>(t) K<sub>i</sub> \
                   over the execution; its unit is s⁻² because Eq. (5) of the paper commands an \
-                  acceleration. The numbers at the top stand where an attractor is most active. \
-                  Release: the pancake leaves the pan; crossing: it falls back to Δ<sub>h</sub> \
-                  above it."
-            .to_owned(),
+                  acceleration. The numbers at the top stand where an attractor is most active."
+            .to_owned()
+            + if data.is_toss() { EVENTS } else { "" },
         rows,
     }
 }

@@ -204,7 +204,8 @@ impl Bench {
 
 /// The built-in arm with a part of its pan's mass.
 fn light_pan(config: &Config) -> Result<ArmModel> {
-    let (before, pan) = setup::WAM7_URDF.split_once("<link name=\"pan\">").context("no pan")?;
+    let whole = setup::arm_text(config)?;
+    let (before, pan) = whole.split_once("<link name=\"pan\">").context("no pan")?;
     let (head, rest) = pan.split_once("<mass value=\"").context("no mass")?;
     let (mass, tail) = rest.split_once('"').context("no mass")?;
     let mass = KNOWN_MASS * mass.parse::<f64>().context("no mass")?;

@@ -1,34 +1,48 @@
-//! Every task without an arm that knows success, with its own settings, as `skillet learn` runs it.
+//! Every task that knows success, with its own settings, as `skillet learn` runs it: those without an
+//! arm, and those with one.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use anyhow::Result;
 use learner::problem::Problem;
-use physics::action::ActionWorld;
 use rt_controller::executor::action;
+use rt_controller::run::Controlled;
+use rt_controller::simulate::simulate;
 use search::trial::{Proposal, Trial};
-use shm_types::episode::EpisodeHeader;
+use shm_types::episode::{EpisodeHeader, MAX_RECORDS, TickRecord};
 use shm_types::policy::PolicyMsg;
 
 use super::Sample;
 use crate::config::Config;
-use crate::judging;
-use crate::tasks::{self, Task, World};
+use crate::tasks::{self, ArmWorld, Task, World};
+use crate::{judging, setup};
 
+/// The measure by which a task tells in which of several ways a rollout succeeded.
+const WAY: &str = "way";
 /// Rollouts at the end that show what was learnt.
 const LATE: usize = 10;
 
 pub fn run_seed(seed: u64) -> Result<Vec<Sample>> {
+    run(seed, |task| !task.has_arm())
+}
+
+pub fn run_arm_seed(seed: u64) -> Result<Vec<Sample>> {
+    run(seed, Task::has_arm)
+}
+
+fn run(seed: u64, is_asked: fn(&Task) -> bool) -> Result<Vec<Sample>> {
     let mut samples = Vec::new();
-    for task in tasks::ALL {
-        if let (World::Action(world), Some(success)) = (&task.world, task.success) {
+    for task in tasks::ALL.iter().filter(|task| is_asked(task)) {
+        if let Some(success) = task.success {
             for options in variants(task) {
                 let name =
                     options.values().fold(task.name.to_string(), |all, one| all + ", " + one);
                 let mut config = Config::of_options(task.name, options);
                 config.learner.seed = seed;
-                let trials = learn(&config, world(&config).as_ref())?;
-                samples.extend(summary(&name, success, &trials));
+                let learnt = learn(&config, &mut *executor(&config)?)?;
+                samples.extend(summary(&name, success, &learnt.trials));
+                let ways = learnt.ways.map(|ways| Sample::mean(&name, "ways found", ways as f64));
+                samples.extend(ways);
             }
         }
     }
@@ -43,22 +57,62 @@ fn variants(task: &Task) -> Vec<BTreeMap<String, String>> {
     [BTreeMap::new()].into_iter().chain(others).collect()
 }
 
-fn learn(config: &Config, world: &dyn ActionWorld) -> Result<Vec<Trial>> {
+/// Executes a policy: what an episode tells of it.
+type Executor = dyn FnMut(&PolicyMsg) -> Result<(EpisodeHeader, Vec<TickRecord>)>;
+
+fn executor(config: &Config) -> Result<Box<Executor>> {
+    Ok(match config.task()?.world {
+        World::Action(world) => {
+            let world = world(config);
+            Box::new(move |policy| {
+                let measures = action::measure(world.as_ref(), policy.actions());
+                Ok((EpisodeHeader { measures, ..EpisodeHeader::default() }, Vec::new()))
+            })
+        }
+        World::Arm(arm) => {
+            let ArmWorld { model, q0, mut plant, referee, .. } = (arm.world)(config)?;
+            let config = config.controller.clone();
+            Box::new(move |policy| {
+                let mut controlled = Controlled { model: &model, plant: &mut plant, q0, referee };
+                let mut records = vec![TickRecord::ZERO; MAX_RECORDS];
+                let done = simulate(&mut controlled, &config, policy, &mut records)?;
+                records.truncate(done.n_records);
+                Ok((EpisodeHeader { fault: done.fault, ..EpisodeHeader::default() }, records))
+            })
+        }
+    })
+}
+
+/// What a session came to: its trials, and in how many ways it succeeded where they are told apart.
+struct Learnt {
+    trials: Vec<Trial>,
+    ways: Option<usize>,
+}
+
+fn learn(config: &Config, execute: &mut Executor) -> Result<Learnt> {
     let judge = judging::judge(config)?;
-    let start = PolicyMsg::of_action(&config.learner.action.start).sealed();
-    let problem = Problem::around(&start, &config.learner, &[])?;
+    let problem = match config.has_arm() {
+        true => Problem::new(&config.learner, &setup::demonstrations(config)?)?,
+        false => {
+            let start = PolicyMsg::of_action(&config.learner.action.start).sealed();
+            Problem::around(&start, &config.learner, &[])?
+        }
+    };
     let mut search = problem.search(&config.learner);
-    let mut trials = Vec::new();
+    let knows_ways = judge.declared().iter().any(|(name, _)| name == WAY);
+    let (mut trials, mut ways) = (Vec::new(), BTreeSet::new());
     for rollout in 1..=config.learner.rollouts {
         let Proposal { theta, .. } = search.ask(rollout);
-        let measures = action::measure(world, theta.as_slice());
-        let header = EpisodeHeader { measures, ..EpisodeHeader::default() };
-        let (_, success, reward) = judge.judge(&header, &[])?;
+        let (header, records) = execute(&problem.decode(&theta, Default::default()))?;
+        let (measures, success, reward) = judge.judge(&header, &records)?;
+        if let Some(way) = measures.get(WAY).filter(|_| success) {
+            ways.insert(way.to_bits());
+        }
         let trial = Trial { rollout, theta, reward, success };
         search.tell(&trial);
         trials.push(trial);
     }
-    Ok(trials)
+    Ok(Learnt { trials, ways: knows_ways.then_some(ways.len()) })
 }
 
 fn summary(task: &str, success: &str, trials: &[Trial]) -> Vec<Sample> {

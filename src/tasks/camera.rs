@@ -8,17 +8,14 @@ use physics::plant::ObjectState;
 use shm_types::TASK_DIM;
 use shm_types::episode::{FLAG_IN_CONTACT, FLAG_TORQUE_CLIPPED, TickRecord};
 
-use crate::config::Config;
-
 pub struct Camera {
     model: ArmModel,
-    /// Time from record to record, s.
     record_s: f64,
 }
 
 impl Camera {
-    pub fn new(model: &ArmModel, config: &Config) -> Camera {
-        let record_s = config.controller.period_s() * config.controller.record_stride() as f64;
+    /// `record_s` is the time from record to record, s.
+    pub fn new(model: &ArmModel, record_s: f64) -> Camera {
         Camera { model: model.clone(), record_s }
     }
 

@@ -2,7 +2,7 @@
 //!
 //! A new task is a file with a `TASK` in it, and its name in the list below.
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use learner::judge::{Declared, Measurer, PlantMeasures};
 use physics::action::ActionWorld;
 use physics::arm::{ArmModel, JointVector};
@@ -10,8 +10,10 @@ use physics::plant::Plant;
 use physics::referee::Referee;
 
 use crate::config::Config;
+use crate::record::solids::Solids;
 use crate::report::Pictures;
 
+mod camera;
 mod configured;
 
 /// The modules, and all tasks in the order in which people see them.
@@ -22,7 +24,7 @@ macro_rules! tasks {
     };
 }
 
-tasks! { pancake, landscape, skittles, archery, obstacle }
+tasks! { pancake, landscape, skittles, archery, obstacle, via_points, ball_in_a_cup }
 
 /// What the loop, the learner and the report must know of a task.
 pub struct Task {
@@ -48,9 +50,20 @@ pub struct Task {
 
 /// What its rollouts happen in.
 pub enum World {
-    Arm(fn(&Config) -> Result<ArmWorld>),
+    Arm(ArmTask),
     /// Without an arm: the policy is an action vector.
     Action(fn(&Config) -> Box<dyn ActionWorld>),
+}
+
+/// What an arm does.
+#[derive(Clone, Copy)]
+pub struct ArmTask {
+    /// The arm and the demonstration where the configuration names no file, so that the task needs none.
+    pub urdf: &'static str,
+    pub demonstration: &'static str,
+    pub world: fn(&Config) -> Result<ArmWorld>,
+    /// Tip and object, as 3-D viewers draw them.
+    pub solids: fn(&Config) -> Solids,
 }
 
 /// An arm and what surrounds it.
@@ -68,10 +81,18 @@ impl Task {
         matches!(self.world, World::Arm(_))
     }
 
+    /// What an arm does in it.
+    pub fn arm(&self) -> Result<&ArmTask> {
+        match &self.world {
+            World::Arm(arm) => Ok(arm),
+            World::Action(_) => bail!("the task {} has no arm", self.name),
+        }
+    }
+
     /// What is measured of its rollouts.
     pub fn measurer(&self, config: &Config) -> Result<Box<dyn Measurer>> {
         match self.world {
-            World::Arm(world) => Ok(world(config)?.measurer),
+            World::Arm(arm) => Ok((arm.world)(config)?.measurer),
             World::Action(world) => {
                 let measured = world(config).measure(&config.learner.action.start);
                 let declared = measured.iter().map(|m| (m.name.to_string(), m.unit.to_string()));

@@ -7,16 +7,26 @@ use physics::pancake::PancakePlant;
 use physics::pancake::outcome::OutcomeConfig;
 use physics::referee::{Referee, Toss};
 
-use super::{ArmWorld, Task, World};
+use super::camera::Camera;
+use super::{ArmTask, ArmWorld, Task, World};
 use crate::config::Config;
+use crate::record::solids::{Solid, Solids};
 use crate::report::Pictures;
 use crate::setup;
 use measurer::PancakeMeasurer;
 
+const IRON: [f64; 4] = [0.20, 0.21, 0.24, 1.0];
+const DOUGH: [f64; 4] = [0.93, 0.72, 0.35, 1.0];
+
 pub const TASK: Task = Task {
     name: "pancake",
     about: "Toss a pancake and catch it after a half flip",
-    world: World::Arm(world),
+    world: World::Arm(ArmTask {
+        urdf: include_str!("../../robots/wam7/wam7_pan.urdf"),
+        demonstration: include_str!("../../demos/pancake.csv"),
+        world,
+        solids,
+    }),
     configure: |_| {},
     check: |_| Ok(()),
     has_target: false,
@@ -35,11 +45,39 @@ fn world(config: &Config) -> Result<ArmWorld> {
         plant: Box::new(PancakePlant::new(&model, &q0, &world)),
         referee: Referee::Toss(Toss::new(&outcome.toss)),
         measurer: Box::new(PancakeMeasurer {
-            model: model.clone(),
+            camera: Camera::new(&model, config.controller.record_s()),
             outcome,
-            record_s: config.controller.period_s() * config.controller.record_stride() as f64,
         }),
         model,
         q0,
     })
+}
+
+fn solids(config: &Config) -> Solids {
+    let world = config.plant.world(config.controller.period_s());
+    let (rim, thickness) = (world.rim_height * world.rim_tilt.cos(), world.pan_thickness);
+    let disc = Solid::Cone {
+        bottom_radius: world.pan_radius,
+        top_radius: world.pan_radius,
+        height: thickness,
+        z: -0.5 * thickness,
+        color: IRON,
+    };
+    // A bowl: translucent where the pancake lies.
+    let [r, g, b, _] = IRON;
+    let bowl = Solid::Cone {
+        bottom_radius: world.pan_radius,
+        top_radius: world.pan_radius + world.rim_height * world.rim_tilt.sin(),
+        height: rim,
+        z: 0.5 * rim,
+        color: [r, g, b, 0.35],
+    };
+    let pancake = Solid::Cone {
+        bottom_radius: world.pancake_radius,
+        top_radius: 0.92 * world.pancake_radius,
+        height: world.pancake_thickness,
+        z: 0.0,
+        color: DOUGH,
+    };
+    Solids { tip: ("pan", vec![disc, bowl]), object: ("pancake", vec![pancake]), has_string: false }
 }

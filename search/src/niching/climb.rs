@@ -3,6 +3,7 @@
 use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
 
+use super::steps::Steps;
 use crate::batch::FactorGaussian;
 use crate::power::by_reward;
 use crate::range::{Range, range};
@@ -11,6 +12,9 @@ use crate::trial::Trial;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ClimbConfig {
+    /// A surrogate of the climb's trials chooses its steps, not Eqs. (1) and (6): for some tens of
+    /// trials in few dimensions, on smooth hills.
+    pub surrogate: bool,
     /// M, the best trials Eqs. (1) and (6) are computed from.
     pub n_elites: usize,
     /// Trials around the start before the first update.
@@ -23,17 +27,24 @@ pub struct ClimbConfig {
     pub end_std: f64,
     /// … or after so many trials.
     pub n_max: u64,
+    /// … or after so many without a better one, 0 for never …
+    pub patience: u64,
+    /// … or at its first success.
+    pub until_success: bool,
 }
 
 impl Default for ClimbConfig {
     fn default() -> Self {
         ClimbConfig {
+            surrogate: false,
             n_elites: 8,
             n_initial: 8,
             floor_variance: 0.2,
             floor_decay: 0.94,
             end_std: 1e-6,
             n_max: 400,
+            patience: 0,
+            until_success: false,
         }
     }
 }
@@ -48,6 +59,7 @@ impl ClimbConfig {
             range("climb.floor_decay", self.floor_decay, 0.1, 0.9999),
             range("climb.end_std", self.end_std, 1e-12, 1.0),
             range("climb.n_max", self.n_max as f64, 1.0, 1e6),
+            range("climb.patience", self.patience as f64, 0.0, 1e6),
         ]
     }
 }
@@ -59,14 +71,20 @@ pub struct Climb {
     std: f64,
     gaussian: FactorGaussian,
     elites: Vec<Trial>,
+    steps: Steps,
     n_told: u64,
+    /// Trials since the best one.
+    n_since: u64,
 }
 
 impl Climb {
     pub fn new(config: ClimbConfig, start: Trial, std: f64) -> Climb {
         let gaussian = FactorGaussian::isotropic(start.theta.clone(), std);
         let from = start.theta.clone();
-        Climb { config, start: from, std, gaussian, elites: vec![start], n_told: 0 }
+        let mut steps = Steps::default();
+        steps.push(&start.theta, start.reward);
+        let (elites, n_told, n_since) = (vec![start], 0, 0);
+        Climb { config, start: from, std, gaussian, elites, steps, n_told, n_since }
     }
 
     /// Eqs. (1) and (6) with weights by rank, wₘ = ln(M + ½) − ln m as in CMA-ES.
@@ -75,7 +93,11 @@ impl Climb {
     /// constant, which ends the climb at a distance from the top.
     pub fn tell(&mut self, trial: Trial) {
         self.n_told += 1;
+        if self.config.surrogate {
+            self.steps.push(&trial.theta, trial.reward);
+        }
         let place = self.elites.partition_point(|elite| by_reward(elite, &trial).is_lt());
+        self.n_since = if place == 0 { 0 } else { self.n_since + 1 };
         self.elites.insert(place, trial);
         self.elites.truncate(self.config.n_elites);
         if self.n_told < self.config.n_initial {
@@ -89,6 +111,14 @@ impl Climb {
         let floor = self.std * variance.sqrt();
         self.gaussian =
             FactorGaussian::fit(&self.elites, &weights, Some(&self.gaussian.mean), floor);
+    }
+
+    /// The next trial, as a place in fractions of the box that may lie outside of it.
+    pub fn place(&self, seed: u64, rollout: u64) -> DVector<f64> {
+        if self.config.surrogate {
+            return self.steps.next(&self.best().theta, self.std, seed, rollout);
+        }
+        self.gaussian.sample(seed, rollout)
     }
 
     pub fn gaussian(&self) -> &FactorGaussian {
@@ -108,8 +138,16 @@ impl Climb {
         self.n_told
     }
 
+    /// It was to end at a success, and has one.
+    pub fn has_succeeded(&self) -> bool {
+        self.config.until_success && self.best().success
+    }
+
     pub fn is_over(&self) -> bool {
-        self.n_told >= self.config.n_max
+        let ClimbConfig { n_max, patience, .. } = self.config;
+        self.n_told >= n_max
+            || self.has_succeeded()
+            || patience > 0 && self.n_since >= patience
             || self.gaussian.marginal_std().max() <= self.config.end_std
     }
 }

@@ -11,6 +11,9 @@ use crate::range::{Range, range};
 pub struct NichingConfig {
     /// Even places of which the best becomes a start.
     pub n_candidates: usize,
+    /// Above 0, starts are drawn about θ₀ with this standard deviation instead, the first is θ₀, and a
+    /// climb begins at each before it is tested: where θ₀ lies between the optima, far from the rest.
+    pub start_std: f64,
     /// Standard deviation of a climb's first trials, in distances to the nearest known optimum …
     pub relative_std: f64,
     /// … and at most.
@@ -28,6 +31,7 @@ impl Default for NichingConfig {
     fn default() -> Self {
         NichingConfig {
             n_candidates: 8,
+            start_std: 0.0,
             relative_std: 0.3,
             initial_std: 0.1,
             n_between_tests: 30,
@@ -43,6 +47,7 @@ impl NichingConfig {
     pub fn ranges(&self) -> Vec<Range> {
         let own = vec![
             range("n_candidates", self.n_candidates as f64, 1.0, 1e4),
+            range("start_std", self.start_std, 0.0, 10.0),
             range("relative_std", self.relative_std, 1e-3, 10.0),
             range("initial_std", self.initial_std, 1e-6, 10.0),
             range("n_between_tests", self.n_between_tests as f64, 1.0, 1e6),

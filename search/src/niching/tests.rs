@@ -1,5 +1,6 @@
 //! Finds all tops of a box, each once; repeats, resumes, survives, costs the same late as early.
 
+use super::climb::ClimbConfig;
 use super::*;
 
 fn square() -> Space {
@@ -128,4 +129,72 @@ fn goes_up_in_112_dimensions() {
     let told = drive(&mut search, 600, hill);
     let best = |trials: &[Trial]| trials.iter().map(|t| t.reward).fold(0.0, f64::max);
     assert!(best(&told) > 1.5 * best(&told[..50]), "{} {}", best(&told), best(&told[..50]));
+}
+
+/// Four round hills about θ₀ in four dimensions; within 0.15 of a top is a success.
+fn four(theta: &DVector<f64>) -> (f64, bool) {
+    let tops = [[0.5, 0.5], [0.5, -0.5], [-0.5, 0.5], [-0.5, -0.5]];
+    let to = |top: &[f64; 2]| theta - DVector::from_vec(vec![top[0], top[1], 0.2, -0.2]);
+    let distance = tops.iter().map(|top| to(top).norm()).fold(f64::INFINITY, f64::min);
+    ((-4.0 * distance * distance).exp(), distance < 0.15)
+}
+
+fn dear() -> NichingConfig {
+    let climb =
+        ClimbConfig { surrogate: true, until_success: true, patience: 15, ..default_climb() };
+    let (start_std, n_candidates, n_between_tests) = (0.2, 1, 12);
+    NichingConfig { start_std, n_candidates, n_between_tests, climb, ..NichingConfig::default() }
+}
+
+fn default_climb() -> ClimbConfig {
+    NichingConfig::default().climb
+}
+
+fn drive_four(search: &mut Niching, n: u64) -> Vec<Trial> {
+    let trial = |rollout| {
+        let theta = search.ask(rollout).theta;
+        let (reward, success) = four(&theta);
+        let trial = Trial { rollout, theta, reward, success };
+        search.tell(&trial);
+        trial
+    };
+    (1..=n).map(trial).collect()
+}
+
+#[test]
+fn a_surrogate_finds_the_hills_about_the_start_with_few_trials() {
+    let bounds = Some(Bounds::around(&DVector::zeros(4), 1.0));
+    for seed in 0..4 {
+        let space = Space { bounds: bounds.clone(), ..Space::white(DVector::zeros(4)) };
+        let (mut search, mut again) =
+            (Niching::new(dear(), seed, space.clone()), Niching::new(dear(), seed, space.clone()));
+        let told = drive_four(&mut search, 250);
+        assert_eq!(told[0].theta, space.theta_0, "the first start is θ₀");
+        let tops: Vec<DVector<f64>> = search.modes().into_iter().map(|mode| mode.mean).collect();
+        assert_eq!(tops.len(), 4, "seed {seed}: {tops:?}");
+        assert!(tops.iter().all(|top| four(top).1), "seed {seed}: {tops:?}");
+        told.iter().for_each(|trial| again.tell(trial));
+        assert_eq!((again.ask(251), again.modes()), (search.ask(251), search.modes()));
+    }
+}
+
+#[test]
+fn a_climb_ends_at_its_first_success_or_when_it_gets_no_better() {
+    let trial = |reward: f64, success| Trial {
+        rollout: 1,
+        theta: DVector::from_element(2, reward),
+        reward,
+        success,
+    };
+    let config = ClimbConfig { patience: 3, until_success: true, ..default_climb() };
+    let mut climb = Climb::new(config, trial(0.1, false), 0.1);
+    for reward in [0.2, 0.1, 0.1] {
+        climb.tell(trial(reward, false));
+        assert!(!climb.is_over());
+    }
+    climb.tell(trial(0.1, false));
+    assert!(climb.is_over() && !climb.has_succeeded());
+    let mut climb = Climb::new(config, trial(0.1, false), 0.1);
+    climb.tell(trial(0.2, true));
+    assert!(climb.is_over() && climb.has_succeeded());
 }

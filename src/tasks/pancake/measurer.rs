@@ -1,21 +1,15 @@
 //! What is measured of a toss: pan and pancake, followed through the records as a camera would.
 
-#![allow(non_snake_case)] // X_WP is the pose of P in W
-
 use learner::judge::{Declared, Measurer};
-use nalgebra::{Quaternion, UnitQuaternion, Vector3};
-use physics::arm::{ArmModel, JointVector, kinematics};
 use physics::pancake::outcome::{Outcome, OutcomeConfig, OutcomeTracker};
-use physics::plant::ObjectState;
-use shm_types::TASK_DIM;
-use shm_types::episode::{EpisodeHeader, FLAG_IN_CONTACT, FLAG_TORQUE_CLIPPED, TickRecord};
+use shm_types::episode::{EpisodeHeader, TickRecord};
 use shm_types::measures::{Measure, Measures, MeasuresError, TRUTH};
 
+use crate::tasks::camera::{Camera, clipped_share};
+
 pub struct PancakeMeasurer {
-    pub model: ArmModel,
+    pub camera: Camera,
     pub outcome: OutcomeConfig,
-    /// Time from record to record, s.
-    pub record_s: f64,
 }
 
 impl Measurer for PancakeMeasurer {
@@ -30,27 +24,8 @@ impl Measurer for PancakeMeasurer {
         records: &[TickRecord],
     ) -> Result<Measures, MeasuresError> {
         let mut tracker = OutcomeTracker::new(&self.outcome);
-        for (i, record) in records.iter().enumerate() {
-            // A tick that fell back to the hold before the loop knew where the tip is tells nothing.
-            if record.x != [0.0; TASK_DIM] {
-                let q = JointVector::from(record.q);
-                let X_WP = kinematics::tip_pose(&self.model, &q);
-                tracker.observe(i as f64 * self.record_s, &X_WP, &object(record));
-            }
-        }
-        let clipped = records.iter().filter(|record| record.flags & FLAG_TORQUE_CLIPPED != 0);
-        let clipped_share = clipped.count() as f64 / records.len().max(1) as f64;
-        Measures::of(all(&tracker.outcome(), clipped_share))
-    }
-}
-
-fn object(record: &TickRecord) -> ObjectState {
-    let [w, i, j, k] = record.object_quaternion;
-    ObjectState {
-        p_WO: Vector3::from(record.object_position),
-        // Not normalised again: the loop saw these numbers.
-        R_WO: UnitQuaternion::new_unchecked(Quaternion::new(w, i, j, k)),
-        in_contact: record.flags & FLAG_IN_CONTACT != 0,
+        self.camera.show(records, |t_s, tip, object| tracker.observe(t_s, tip, object));
+        Measures::of(all(&tracker.outcome(), clipped_share(records)))
     }
 }
 
