@@ -13,6 +13,7 @@ mod row;
 pub mod service;
 pub mod sim;
 pub mod swap;
+mod table;
 pub mod tick;
 pub mod transport;
 

@@ -1,6 +1,6 @@
 //! The page of a bench: host, distributions, and every number. No script and no other file.
 
-use super::output::table;
+use super::table::table;
 use super::{Bench, Row, figure};
 use crate::draw::style;
 use crate::draw::svg::escape;

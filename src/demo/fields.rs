@@ -7,7 +7,7 @@ use super::cell;
 use super::dialect::{Row, Table};
 use super::mapping::Assignment;
 use super::names::{self, Name, Units};
-use super::time;
+use super::time_names;
 
 /// Names that a message lists.
 const LISTED: usize = 30;
@@ -168,7 +168,7 @@ fn header(table: &Table, width: usize, mapping: &[Assignment]) -> Option<usize> 
         mapping.iter().any(|assignment| assignment.column.eq_ignore_ascii_case(text))
     };
     let names_columns = |row: &Row| {
-        row.cells.iter().any(|text| asked(text) || time::is_name(&Name::parse(text).words))
+        row.cells.iter().any(|text| asked(text) || time_names::is_name(&Name::parse(text).words))
     };
     let nearest = |is_it: &dyn Fn(&Row) -> bool| table.heading.iter().rposition(is_it);
     nearest(&|row| !row.is_comment && names_columns(row))

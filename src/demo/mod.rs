@@ -20,6 +20,7 @@ mod rows;
 mod shift;
 mod summary;
 mod time;
+mod time_names;
 
 use anyhow::{Result, bail};
 use learner::demonstration::{DURATION_S, MIN_POINTS};

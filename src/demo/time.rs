@@ -5,32 +5,7 @@ use anyhow::{Result, bail};
 use super::cell;
 use super::fields::{Column, Field, Fields};
 use super::names::{self, unit};
-
-/// Whole names of a time, the more particular ones first.
-const NAMES: [&str; 19] = [
-    "t",
-    // rostopic: when it was measured, before when it was received.
-    "field header stamp",
-    "time",
-    "timestamp",
-    "time stamp",
-    "stamp",
-    "header stamp",
-    "time from start",
-    "elapsed time",
-    "time elapsed",
-    "elapsed",
-    "relative time",
-    "rel time",
-    "sim time",
-    "robot time",
-    "log time",
-    "record time",
-    "clock",
-    "epoch",
-];
-/// A name that ends so is one, too, if there is no better one.
-const ENDINGS: [&str; 3] = ["header stamp", "timestamp", "time stamp"];
+use super::time_names::rank;
 
 /// A period of samples lies within these bounds, so that the size of a step tells its unit, s.
 const PERIOD_S: std::ops::Range<f64> = 4e-4..0.4;
@@ -38,26 +13,6 @@ const PERIOD_S: std::ops::Range<f64> = 4e-4..0.4;
 const EPOCH_S: std::ops::Range<f64> = 1e8..1e11;
 /// A period of samples with such a time, s.
 const EPOCH_PERIOD_S: std::ops::Range<f64> = 1e-5..10.0;
-
-/// How well a name fits; the lowest fits best.
-fn rank(words: &[String]) -> Option<usize> {
-    let name = words.join(" ");
-    if let Some(rank) = NAMES.iter().position(|known| *known == name) {
-        return Some(rank);
-    }
-    let ending = ENDINGS.iter().position(|ending| name.ends_with(ending));
-    if let Some(rank) = ending {
-        return Some(NAMES.len() + rank);
-    }
-    // A column called `seconds`.
-    let is_unit = words.len() == 1 && unit(names::TIME, &name).is_some();
-    is_unit.then_some(NAMES.len() + ENDINGS.len())
-}
-
-/// The name of a time; a bare unit is none here, for it may stand in a row of units.
-pub fn is_name(words: &[String]) -> bool {
-    rank(words).is_some_and(|rank| rank < NAMES.len() + ENDINGS.len())
-}
 
 /// The column of the time; two that add up where seconds and nanoseconds have one each.
 pub fn columns(fields: &Fields) -> Result<Vec<Column>> {

@@ -3,7 +3,9 @@
 //! Every file carries their schema. Numbers of a tick are rounded to a binary grid below what such an
 //! arm can be controlled to: random low bits are most of what a compressor cannot compress.
 
-use prost_types::DescriptorProto;
+use foxglove::Schema;
+use prost::Message as _;
+use prost_types::{DescriptorProto, FileDescriptorProto, FileDescriptorSet};
 use shm_types::episode::{
     FLAG_BLENDING, FLAG_IN_CONTACT, FLAG_NEAR_JOINT_LIMIT, FLAG_NEAR_SPEED_LIMIT,
     FLAG_RATE_LIMITED, FLAG_TORQUE_CLIPPED,
@@ -11,7 +13,7 @@ use shm_types::episode::{
 use shm_types::telemetry::TelemetryTick;
 
 use super::loop_policy::LoopPolicy;
-use super::schema::recorded;
+use super::schema::{PACKAGE, recorded};
 
 /// Resolutions as negative powers of two: 2⁻¹⁴ rad (61 µrad), 2⁻⁸ rad/s, 2⁻⁵ N·m, 2⁻¹⁴ m and rad (61 µm);
 /// coarser what follows from policy and time: 2⁻¹¹ of an attractor, 2⁻⁷ of an activation, 2⁻¹ s⁻².
@@ -163,8 +165,21 @@ recorded! {
     }
 }
 
+/// The schema of `message`, with all our messages beside it: some hold others.
+fn schema(message: &str) -> Schema {
+    let file = FileDescriptorProto {
+        name: Some("skillet.proto".into()),
+        package: Some(PACKAGE.into()),
+        syntax: Some("proto3".into()),
+        message_type: descriptors(),
+        ..FileDescriptorProto::default()
+    };
+    let set = FileDescriptorSet { file: vec![file] };
+    Schema::new(format!("{PACKAGE}.{message}"), "protobuf", set.encode_to_vec())
+}
+
 /// Of all of them.
-pub(super) fn descriptors() -> Vec<DescriptorProto> {
+fn descriptors() -> Vec<DescriptorProto> {
     vec![
         Tick::descriptor(),
         Spring::descriptor(),

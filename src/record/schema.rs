@@ -1,19 +1,12 @@
 //! Schemas of our own messages: Protocol Buffers whose description travels in every file.
 
-use foxglove::Schema;
-use prost::Message;
 use prost_types::field_descriptor_proto::{Label, Type};
-use prost_types::{
-    DescriptorProto, FieldDescriptorProto, FileDescriptorProto, FileDescriptorSet,
-    OneofDescriptorProto,
-};
+use prost_types::{DescriptorProto, FieldDescriptorProto, OneofDescriptorProto};
 
-use super::messages;
+pub(super) const PACKAGE: &str = "skillet";
 
-const PACKAGE: &str = "skillet";
-
-/// Writes a message once: as a struct, as its encoding, and as what a reader needs to decode it. Numbers
-/// of fields are part of the format: they are never used again for another field.
+/// Writes a message once: as a struct, as its encoding, and as what a reader needs to decode it; the file
+/// that uses it has a `schema` of all its messages, by name. Numbers of fields are part of the format: they are never used again for another field.
 macro_rules! recorded {
     (
         $(#[$meta:meta])*
@@ -39,7 +32,7 @@ macro_rules! recorded {
             type Error = prost::EncodeError;
 
             fn get_schema() -> Option<foxglove::Schema> {
-                Some(super::schema::schema(stringify!($name)))
+                Some(schema(stringify!($name)))
             }
 
             fn get_message_encoding() -> String {
@@ -60,19 +53,6 @@ macro_rules! recorded {
     };
 }
 pub(super) use recorded;
-
-/// The schema of `message`, with all our messages beside it: some hold others.
-pub(super) fn schema(message: &str) -> Schema {
-    let file = FileDescriptorProto {
-        name: Some("skillet.proto".into()),
-        package: Some(PACKAGE.into()),
-        syntax: Some("proto3".into()),
-        message_type: messages::descriptors(),
-        ..FileDescriptorProto::default()
-    };
-    let set = FileDescriptorSet { file: vec![file] };
-    Schema::new(format!("{PACKAGE}.{message}"), "protobuf", set.encode_to_vec())
-}
 
 /// One message; each field as its name, number, kind as prost writes it, and Rust type.
 pub(super) fn message(name: &str, fields: &[(&str, &str, &str, &str)]) -> DescriptorProto {

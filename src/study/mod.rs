@@ -11,6 +11,7 @@ mod literal;
 mod niching;
 mod pancake;
 mod peaks;
+mod run;
 mod runner;
 mod runs;
 mod sample;
@@ -18,7 +19,7 @@ mod skittles;
 mod statistics;
 mod tasks;
 mod tune;
-mod tuned;
+mod world;
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;

@@ -7,9 +7,9 @@ use search::regions::{Estimator, RegionsConfig};
 use search::{Method, Mode, SearchConfig, build};
 
 use super::Sample;
-use super::comparison::Task;
 use super::runs::{best_reward, late_reward};
 use super::skittles::Regions;
+use super::world::Task;
 
 const ESTIMATORS: [(&str, Estimator); 3] = [
     ("persistence", Estimator::Persistence),

@@ -1,11 +1,8 @@
 //! Whole runs of a search in this process: the one loop of ask and tell all studies share.
 
-use anyhow::Result;
 use nalgebra::DVector;
+use search::Search;
 use search::trial::Trial;
-use search::{Method, Mode, Search, SearchConfig, Space, build};
-
-use super::comparison::Task;
 
 /// Trials at the end of a run that show what the search has come to.
 const LATE: usize = 20;
@@ -37,33 +34,4 @@ pub fn late_reward(trials: &[Trial]) -> f64 {
 /// The highest reward of a trial.
 pub fn best_reward(trials: &[Trial]) -> f64 {
     trials.iter().map(|trial| trial.reward).fold(0.0, f64::max)
-}
-
-/// The trials of a run and the modes after each.
-pub struct Run {
-    pub trials: Vec<Trial>,
-    pub modes: Vec<Vec<Mode>>,
-}
-
-impl Run {
-    /// `n` trials of `method`, with its default settings, in `space`.
-    pub fn new(
-        method: Method,
-        seed: u64,
-        space: Space,
-        n: u64,
-        reward: &dyn Fn(&DVector<f64>) -> f64,
-    ) -> Result<Run> {
-        let config = SearchConfig { method, ..Default::default() };
-        let mut search = build(&config, seed, space);
-        let mut modes = Vec::new();
-        let reward = |_, theta: &DVector<f64>| reward(theta);
-        let trials = trials(&mut *search, n, reward, |search| modes.push(search.modes()));
-        Ok(Run { trials, modes })
-    }
-
-    /// `n` trials of `method` on a world of Sec. 4.2.
-    pub fn on(task: Task, method: Method, seed: u64, n: u64) -> Result<Run> {
-        Run::new(method, seed, task.space(), n, &|theta| task.reward(theta))
-    }
 }

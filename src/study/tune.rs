@@ -1,4 +1,4 @@
-//! The scores from which `tuned.rs` was chosen: every contender with each of its drawn settings.
+//! The scores from which the settings of the comparison were chosen: every contender with each of its drawn settings.
 //!
 //! One metric a task (the three skittles are one) and setting; of settings with the same mean over
 //! seeds 0 to 39 the first is chosen.
@@ -6,8 +6,8 @@
 use anyhow::Result;
 
 use super::Sample;
-use super::comparison::{TASKS, Task};
 use super::contender::{self, CONTENDERS, N_SETTINGS};
+use super::world::{TASKS, Task};
 
 pub fn run_seed(seed: u64) -> Result<Vec<Sample>> {
     let mut samples = Vec::new();

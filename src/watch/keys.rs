@@ -26,6 +26,16 @@ pub enum Action {
     Rearm,
 }
 
+/// What the bottom line asks.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Prompt {
+    None,
+    /// Number of the policy to activate, as typed so far.
+    Number(String),
+    /// An action that wants a second key.
+    Sure(Action),
+}
+
 impl Action {
     fn command(self) -> Command {
         let kind = match self {

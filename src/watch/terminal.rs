@@ -9,7 +9,7 @@ use ratatui::crossterm::terminal::{
     BeginSynchronizedUpdate, Clear, ClearType, EndSynchronizedUpdate,
 };
 
-use super::keys::{Action, Keys};
+use super::keys::{Action, Keys, Prompt};
 use super::{Model, view};
 use crate::cell::NamedCell;
 use crate::record::watcher::{Watcher, pause};
@@ -18,16 +18,6 @@ use crate::record::watcher::{Watcher, pause};
 const FRAME: Duration = Duration::from_millis(100);
 /// Other processes may write over the picture, such as services in the background of this terminal.
 const REPAINT: Duration = Duration::from_millis(500);
-
-/// What the bottom line asks.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Prompt {
-    None,
-    /// Number of the policy to activate, as typed so far.
-    Number(String),
-    /// An action that wants a second key.
-    Sure(Action),
-}
 
 pub fn run(
     named: &NamedCell,

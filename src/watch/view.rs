@@ -11,8 +11,8 @@ use ratatui::widgets::{Axis, Block, Chart, Dataset, GraphType, Paragraph, Row, T
 use rt_controller::fault::Fault;
 use shm_types::command::Status;
 
+use super::keys::Prompt;
 use super::session::Trial;
-use super::terminal::Prompt;
 use super::vitals::Presence;
 use super::{Model, Percentiles};
 use crate::health::{self, Health, SILENT};

@@ -7,7 +7,7 @@ use search::{Method, Space};
 use crate::draw::figure::{Figure, Row, THIRD};
 use crate::draw::map::{Map, draw_mode};
 use crate::draw::plot::{Axis, Key};
-use crate::study::runs::Run;
+use crate::study::run::Run;
 
 const START: [f64; 2] = [1.0, -2.6];
 /// Height, centre and variances of the two hills: a narrow high one, a wide lower one.

@@ -8,8 +8,8 @@ use crate::draw::figure::{Figure, Row, THIRD};
 use crate::draw::map::{Map, draw_mode};
 use crate::draw::plot::{Axis, Key, Plot};
 use crate::draw::svg::Panel;
-use crate::study::comparison::Task;
-use crate::study::runs::Run;
+use crate::study::run::Run;
+use crate::study::world::Task;
 
 /// Trials of which the mixture is shown.
 const SHOWN: [usize; 6] = [5, 20, 40, 80, 140, 200];

@@ -9,9 +9,9 @@ use crate::draw::figure::{Figure, Row, THIRD};
 use crate::draw::map::{Map, draw_mode};
 use crate::draw::plot::Axis;
 use crate::draw::svg::Panel;
-use crate::study::comparison::Task;
-use crate::study::runs::Run;
+use crate::study::run::Run;
 use crate::study::skittles;
+use crate::study::world::Task;
 
 const TRIALS: u64 = 200;
 
