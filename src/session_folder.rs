@@ -129,12 +129,9 @@ impl SessionFolder {
     pub fn expect_same_world(&self, config: &Config) -> Result<()> {
         let stored = Config::load(Some(&self.config_path()))
             .context("written by another version, or edited: use that version or another --out")?;
-        let files = [
-            ("task.demonstration", demonstration_text(config)?, demonstration_text(&stored)?),
-            ("task.other_demonstrations", other_texts(config)?, other_texts(&stored)?),
-            ("plant.arm", setup::arm_text(config)?, setup::arm_text(&stored)?),
-        ];
-        let changed = files.iter().find(|(_, ours, theirs)| ours != theirs).map(|(name, ..)| *name);
+        let (ours, theirs) = (texts(config)?, texts(&stored)?);
+        let differing = ours.iter().zip(&theirs).find(|(ours, theirs)| ours.1 != theirs.1);
+        let changed = differing.map(|(ours, _)| ours.0);
         let changed = changed.or_else(|| {
             [
                 ("[task]", without_demonstration(config) != without_demonstration(&stored)),
@@ -171,6 +168,18 @@ impl SessionFolder {
             self.dir.display()
         )
     }
+}
+
+/// The files of a session with an arm, by the settings that name them.
+fn texts(config: &Config) -> Result<Vec<(&'static str, String)>> {
+    if !config.has_arm() {
+        return Ok(Vec::new());
+    }
+    Ok(vec![
+        ("task.demonstration", demonstration_text(config)?),
+        ("task.other_demonstrations", other_texts(config)?),
+        ("plant.arm", setup::arm_text(config)?),
+    ])
 }
 
 fn demonstration_text(config: &Config) -> Result<String> {

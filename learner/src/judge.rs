@@ -84,7 +84,8 @@ impl Judge {
             return Err(JudgeError::OtherMeasures { found, expected });
         }
         match self.verdict.judge(&measures) {
-            Ok((success, reward)) => Ok((measures, success, reward)),
+            // As in the measures: zero has one sign.
+            Ok((success, reward)) => Ok((measures, success, reward + 0.0)),
             Err(error) => Err(JudgeError::Verdict { error, measures: Box::new(measures) }),
         }
     }

@@ -101,7 +101,8 @@ impl Measures {
         }
         self.names[i][..name.len()].copy_from_slice(name.as_bytes());
         self.units[i][..unit.len()].copy_from_slice(unit.as_bytes());
-        self.values[i] = value;
+        // Zero has one sign: a database keeps no other, and a replay is compared bit for bit.
+        self.values[i] = value + 0.0;
         self.n += 1;
         Ok(())
     }
@@ -196,6 +197,12 @@ mod tests {
         assert_eq!(all.declared()[0], ("apex_m".to_string(), "m".to_string()));
         let texts: Vec<String> = all.iter().map(|measure| measure.text()).collect();
         assert_eq!(texts, ["0.500 m", "yes"]);
+    }
+
+    #[test]
+    fn zero_has_one_sign() {
+        let all = Measures::of([measure("short_m", -0.0)]).unwrap();
+        assert_eq!(all.get("short_m").map(f64::to_bits), Some(0));
     }
 
     #[test]

@@ -62,7 +62,7 @@ mod tests {
     fn both_paths_and_the_first_one_are_drawn() {
         let mut data = sample::session(5);
         let svg = figure(&data).svg().unwrap();
-        assert!(svg.matches("class=\"initial\"").count() >= 1, "{svg}");
+        assert!(svg.matches("line initial").count() >= 1, "{svg}");
         assert_eq!(svg.matches("dot success").count(), 2);
         data.learnt_path.clear();
         assert!(figure(&data).svg().is_none());

@@ -15,6 +15,7 @@ mod run;
 mod runner;
 mod runs;
 mod sample;
+mod simulation;
 mod skittles;
 mod statistics;
 mod tasks;
@@ -83,6 +84,12 @@ pub const STUDIES: &[Study] = &[
     ),
     table_of("tasks", "tasks without an arm that know success, as they come", 2, tasks::run_seed),
     table_of("arm-tasks", "tasks with an arm, as they come", 1, tasks::run_arm_seed),
+    table_of(
+        "simulation",
+        "how true the simulated step is: learnt policies against a converged world",
+        1,
+        simulation::run_seed,
+    ),
     table_of("landscape", "the mixtures on the landscape, without a box", 2, landscape::run_seed),
     table_of("drift", "a landscape that changes, with and without forgetting", 2, drift::run_seed),
     table_of("literal", "Algorithm 1 as printed, on the landscape", 2, literal::run_seed),

@@ -152,17 +152,17 @@ fn learn(
 }
 
 /// Arm, controller and world of a method.
-struct Bench {
-    config: Config,
+pub struct Bench {
+    pub config: Config,
     /// The arm, and what the controller takes it for.
-    arm: ArmModel,
+    pub arm: ArmModel,
     model: ArmModel,
-    world: PancakeConfig,
-    judge: Judge,
+    pub world: PancakeConfig,
+    pub judge: Judge,
 }
 
 impl Bench {
-    fn new(config: Config, wrong_mass: bool) -> Result<Bench> {
+    pub fn new(config: Config, wrong_mass: bool) -> Result<Bench> {
         let (arm, world) = (setup::arm(&config)?, config.plant.world(config.controller.period_s()));
         let model = if wrong_mass { light_pan(&config)? } else { setup::arm(&config)? };
         let judge = judging::judge(&config)?;
@@ -170,7 +170,7 @@ impl Bench {
     }
 
     /// The world with another pancake: start ±1 cm, mass ±10 %, friction ±20 %.
-    fn perturbed(&self, seed: u64, draw: u64) -> PancakeConfig {
+    pub fn perturbed(&self, seed: u64, draw: u64) -> PancakeConfig {
         let mut rng = stream(seed, draw);
         let mut within = |reach: f64| rng.random_range(-reach..=reach);
         let [x, y] = self.world.pancake_offset;
@@ -183,7 +183,7 @@ impl Bench {
     }
 
     /// Success and reward.
-    fn rollout(
+    pub fn rollout(
         &self,
         problem: &Problem,
         theta: &DVector<f64>,

@@ -13,7 +13,7 @@ use crate::config::Config;
 use crate::record::solids::Solids;
 use crate::report::Pictures;
 
-mod camera;
+pub mod camera;
 mod configured;
 
 /// The modules, and all tasks in the order in which people see them.
