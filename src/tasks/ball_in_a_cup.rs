@@ -51,13 +51,17 @@ fn configure(config: &mut Config) {
         success: Some("caught".into()),
         reward: "exp(-100*miss_m^2) + exp(-miss_m/0.2) + if(caught, 1, 0)".into(),
     });
-    // Found on seeds 1 to 12: a swing bears smaller changes than a toss.
+    // Found on seeds 1 to 40. A swing bears smaller changes than a toss; wide ones find catches that are
+    // far apart, and between them there is none.
     let learner = &mut config.learner;
     learner.n_components = 12;
-    learner.exploration.position_amplitude = 0.1;
-    learner.exploration.peak_offset_m = [0.03, 0.0, 0.03];
-    learner.exploration.tempo_s = 0.03;
-    (learner.search.power.floor_min, learner.search.power.floor_decay) = (0.02, 0.8);
+    let exploration = &mut learner.exploration;
+    exploration.position_amplitude = 0.06;
+    exploration.peak_offset_m = [0.02, 0.0, 0.02];
+    exploration.tempo_s = 0.02;
+    exploration.position_log_stiffness = 0.2;
+    let power = &mut learner.search.power;
+    (power.floor_min, power.floor_decay, power.min_successes) = (0.02, 0.8, 2);
 }
 
 fn world(config: &Config) -> Result<ArmWorld> {
