@@ -4,9 +4,14 @@
 //! Read as text: every path from `crate::` or `super::` leads to the file of the module it names. A module and
 //! its parts count as one house: what a file takes from the module above it is no arrow. Tests are left out.
 
+#[path = "util/source.rs"]
+mod source;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
+
+use source::rust_files;
 
 /// A cell's folder holds generations, and a generation is of a cell; `ports` offers the ends that observers and
 /// tools hold, which are opened as its own are.
@@ -17,19 +22,6 @@ const HARMLESS: [&[&str]; 2] = [
 const CRATES: [&str; 6] = ["", "shm-types/", "physics/", "search/", "learner/", "rt-controller/"];
 
 type Module = Vec<String>;
-
-fn rust_files(folder: &Path, files: &mut Vec<PathBuf>) {
-    for entry in fs::read_dir(folder).unwrap().flatten() {
-        let path = entry.path();
-        match path.is_dir() {
-            true => rust_files(&path, files),
-            false if path.extension().is_some_and(|extension| extension == "rs") => {
-                files.push(path);
-            }
-            false => {}
-        }
-    }
-}
 
 /// `src/a/b.rs` and `src/a/b/mod.rs` are the module a::b.
 fn module(inside: &Path) -> Module {
@@ -94,17 +86,16 @@ fn group(text: &str) -> Vec<&str> {
 /// Absolute paths of modules and items that the file of `own` names.
 fn named(own: &Module, text: &str) -> Vec<Module> {
     let mut found = Vec::new();
-    for (word, base) in [("crate::", None), ("super::", Some(()))] {
+    for word in ["crate::", "super::"] {
         for (i, _) in text.match_indices(word) {
-            let is_part =
-                text[..i].ends_with(|c: char| c.is_alphanumeric() || c == '_' || c == ':');
-            if is_part {
+            let is_part = |c: char| c.is_alphanumeric() || c == '_' || c == ':';
+            if text[..i].ends_with(is_part) {
                 continue;
             }
-            let (mut rest, mut from) = (&text[i..], own.clone());
-            if base.is_none() {
-                (rest, from) = (&rest[word.len()..], Vec::new());
-            }
+            let (mut rest, mut from) = match text[i..].strip_prefix("crate::") {
+                Some(rest) => (rest, Module::new()),
+                None => (&text[i..], own.clone()),
+            };
             while let Some(more) = rest.strip_prefix("super::") {
                 from.pop();
                 rest = more;

@@ -15,7 +15,7 @@ use learner::judge::Judge;
 use learner::parameters::PolicyIds;
 use learner::problem::Problem;
 use learner::{Demonstration, LearnerConfig};
-use measurer::PancakeMeasurer;
+use measurer::measurer;
 use physics::arm::ArmModel;
 use physics::pancake::outcome::OutcomeConfig;
 use physics::pancake::{PancakeConfig, PancakePlant, WAM7_START_POSTURE};
@@ -48,7 +48,7 @@ fn thetas_rewards_and_outcomes_are_those_of_a_session() {
     let mut controlled =
         Controlled { model: &arm, plant: &mut plant, q0: WAM7_START_POSTURE, referee };
     let controller = ControllerConfig::default();
-    let measurer = PancakeMeasurer { camera: Camera::new(&arm, controller.record_s()), outcome };
+    let measurer = measurer(Camera::new(&arm, controller.record_s()), &outcome);
     let judge = Judge::new(Box::new(measurer), Box::new(config.reward));
     let mut records = vec![TickRecord::ZERO; MAX_RECORDS];
     for trial in session {

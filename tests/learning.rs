@@ -20,7 +20,7 @@ use learner::parameters::PolicyIds;
 use learner::problem::Problem;
 use learner::summary::LATE_TRIALS;
 use learner::{Demonstration, LearnerConfig};
-use measurer::PancakeMeasurer;
+use measurer::measurer;
 use physics::arm::ArmModel;
 use physics::pancake::outcome::OutcomeConfig;
 use physics::pancake::{PancakeConfig, PancakePlant, WAM7_START_POSTURE};
@@ -45,7 +45,7 @@ fn successes(config: &LearnerConfig, demonstration: &Demonstration, arm: &ArmMod
     let problem = Problem::new(config, std::slice::from_ref(demonstration)).unwrap();
     let mut search = problem.search(config);
     let (controller, outcome) = (ControllerConfig::default(), OutcomeConfig::default());
-    let measurer = PancakeMeasurer { camera: Camera::new(arm, controller.record_s()), outcome };
+    let measurer = measurer(Camera::new(arm, controller.record_s()), &outcome);
     let judge = Judge::new(Box::new(measurer), Box::new(config.reward));
     let mut records = vec![TickRecord::ZERO; MAX_RECORDS];
     let rollout = |rollout| {

@@ -12,7 +12,7 @@ mod plant;
 use crate::arm::JointVector;
 
 pub use ball::{Ball, CupMotion, Reaction};
-pub use plant::CupPlant;
+pub use plant::{CupPlant, CupScene};
 
 /// Start posture of the WAM with the cup (rad): that of the pancake, the cup upright in front.
 pub const WAM7_CUP_POSTURE: JointVector = crate::pancake::WAM7_START_POSTURE;

@@ -15,7 +15,7 @@ use crate::arm::urdf::Payload;
 
 pub use bodies::{insert_pan, insert_pancake, is_touching, object_state};
 pub use check::PancakeConfigError;
-pub use plant::PancakePlant;
+pub use plant::{PancakePlant, PancakeScene};
 
 /// Start posture of the WAM (rad): the pan level, its centre at (0.78, 0, 0.72) m.
 pub const WAM7_START_POSTURE: JointVector =

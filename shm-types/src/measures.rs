@@ -34,6 +34,12 @@ pub struct Measure<'a> {
     pub value: f64,
 }
 
+impl<'a> Measure<'a> {
+    pub fn truth(name: &'a str, value: bool) -> Measure<'a> {
+        Measure { name, unit: TRUTH, value: f64::from(u8::from(value)) }
+    }
+}
+
 /// Why measures were refused.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum MeasuresError {

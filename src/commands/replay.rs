@@ -3,13 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
+use learner::judge::Judge;
 use learner::store::{Store, TrialRecord};
-use physics::action::ActionWorld;
-use rt_controller::executor::action;
-use rt_controller::run::Controlled;
-use rt_controller::simulate::simulate;
 use serde_json::json;
-use shm_types::episode::{EpisodeHeader, MAX_RECORDS, TickRecord};
+use shm_types::episode::{EpisodeHeader, TickRecord};
 use shm_types::measures::Measures;
 use shm_types::policy::PolicyMsg;
 
@@ -22,7 +19,7 @@ use crate::output::{print, print_json};
 use crate::record::recorder::Limits;
 use crate::record::session::SessionRecorder;
 use crate::session_folder::SessionFolder;
-use crate::tasks::{ArmWorld, World};
+use crate::tasks::executor::{Executor, executor};
 use crate::{judging, record};
 
 pub fn run(args: &ReplayArgs) -> Result<Verdict> {
@@ -42,7 +39,7 @@ pub fn run(args: &ReplayArgs) -> Result<Verdict> {
             "trial {rollout} was not executed: it was refused or set aside, see `skillet trials`"
         );
     }
-    let replayed = replay(&store, &config, trial)?;
+    let replayed = Again::of(&store, &config)?.replay(trial)?;
     let default = || folder.dir().join(format!("replay-{rollout}.mcap"));
     let path = write(&config, trial, &replayed, &args.out.clone().unwrap_or_else(default))?;
     let is_same = replayed.is_same(trial);
@@ -57,12 +54,13 @@ pub fn run(args: &ReplayArgs) -> Result<Verdict> {
 
 fn all(store: &Store, config: &Config, trials: &[TrialRecord], as_json: bool) -> Result<Verdict> {
     let bar = bar(Some(trials.len() as u64));
+    let mut again = Again::of(store, config)?;
     let mut different = Vec::new();
     let mut executed = 0;
     // What was not executed has nothing to be compared with.
     for trial in bar.wrap_iter(trials.iter().filter(|trial| trial.was_executed())) {
         executed += 1;
-        if !replay(store, config, trial)?.is_same(trial) {
+        if !again.replay(trial)?.is_same(trial) {
             different.push(trial.rollout);
         }
     }
@@ -103,39 +101,27 @@ impl Replayed {
     }
 }
 
-fn replay(store: &Store, config: &Config, trial: &TrialRecord) -> Result<Replayed> {
-    let policy = store.policy(trial.policy_id)?.with_context(|| {
-        format!("the store lacks policy {} of trial {}", trial.policy_id, trial.rollout)
-    })?;
-    let (header, records) = match config.task()?.world {
-        World::Arm(arm) => move_arm(config, (arm.world)(config)?, &policy)?,
-        World::Action(world) => act(world(config).as_ref(), &policy)?,
-    };
-    let (measures, success, reward) = judging::judge(config)?.judge(&header, &records)?;
-    let (fault, period_ns) = (header.fault, header.period_ns);
-    Ok(Replayed { policy, measures, success, reward, fault, records, period_ns })
+/// Executes trials again.
+struct Again<'a> {
+    store: &'a Store,
+    execute: Box<Executor>,
+    judge: Judge,
 }
 
-fn move_arm(
-    config: &Config,
-    world: ArmWorld,
-    policy: &PolicyMsg,
-) -> Result<(EpisodeHeader, Vec<TickRecord>)> {
-    let ArmWorld { model, q0, mut plant, referee, .. } = world;
-    let mut controlled = Controlled { model: &model, plant: &mut plant, q0, referee };
-    let mut records = vec![TickRecord::ZERO; MAX_RECORDS];
-    let done = simulate(&mut controlled, &config.controller, policy, &mut records)?;
-    records.truncate(done.n_records);
-    let period_ns = config.controller.period_ns() * config.controller.record_stride() as u64;
-    Ok((EpisodeHeader { fault: done.fault, period_ns, ..EpisodeHeader::default() }, records))
-}
+impl Again<'_> {
+    fn of<'a>(store: &'a Store, config: &Config) -> Result<Again<'a>> {
+        Ok(Again { store, execute: executor(config)?, judge: judging::judge(config)? })
+    }
 
-fn act(world: &dyn ActionWorld, policy: &PolicyMsg) -> Result<(EpisodeHeader, Vec<TickRecord>)> {
-    let Some((measures, records)) = action::replay(world, policy) else {
-        bail!("policy {} is not admitted any more", policy.policy_id);
-    };
-    let period_ns = action::PERIOD_NS;
-    Ok((EpisodeHeader { measures, period_ns, ..EpisodeHeader::default() }, records))
+    fn replay(&mut self, trial: &TrialRecord) -> Result<Replayed> {
+        let policy = self.store.policy(trial.policy_id)?.with_context(|| {
+            format!("the store lacks policy {} of trial {}", trial.policy_id, trial.rollout)
+        })?;
+        let (header, records) = (self.execute)(&policy)?;
+        let (measures, success, reward) = self.judge.judge(&header, &records)?;
+        let (fault, period_ns) = (header.fault, header.period_ns);
+        Ok(Replayed { policy, measures, success, reward, fault, records, period_ns })
+    }
 }
 
 fn write(

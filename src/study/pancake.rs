@@ -11,6 +11,7 @@ use learner::{Demonstration, LearnerConfig};
 use nalgebra::DVector;
 use physics::arm::ArmModel;
 use physics::pancake::{PancakeConfig, PancakePlant};
+use physics::plant::Plant;
 use physics::referee::{Referee, Toss, TossConfig};
 use rand::RngExt;
 use rt_controller::run::Controlled;
@@ -18,10 +19,10 @@ use rt_controller::simulate::simulate;
 use search::Search;
 use search::normals::stream;
 use search::power::{Elites, PowerConfig, Scatter, Weights};
-use search::trial::{Proposal, Trial};
 use shm_types::episode::{EpisodeHeader, MAX_RECORDS, TickRecord};
 
 use super::Sample;
+use super::runs::session;
 use crate::config::Config;
 use crate::{judging, setup};
 
@@ -138,15 +139,12 @@ fn learn(
     let config = &bench.config.learner;
     let problem = Problem::new(config, demonstrations)?;
     let mut search: Box<dyn Search> = problem.search(config);
-    let mut successes = Vec::new();
-    for rollout in 1..=config.rollouts {
-        let Proposal { theta, .. } = search.ask(rollout);
+    let trials = session(&mut *search, config.rollouts, |rollout, theta| {
         let world =
             if perturbed { bench.perturbed(config.seed, LEARNING + rollout) } else { bench.world };
-        let (success, reward) = bench.rollout(&problem, &theta, &world)?;
-        search.tell(&Trial { rollout, theta, reward, success });
-        successes.push(success);
-    }
+        bench.rollout(&problem, theta, &world)
+    })?;
+    let successes = trials.iter().map(|trial| trial.success).collect();
     let mean = search.mean().clone();
     Ok((successes, (problem, mean)))
 }
@@ -189,16 +187,27 @@ impl Bench {
         theta: &DVector<f64>,
         world: &PancakeConfig,
     ) -> Result<(bool, f64)> {
+        let plant = PancakePlant::new(&self.arm, &self.config.plant.start_posture(), world);
+        let records = self.records(problem, theta, plant)?;
+        let (_, success, reward) = self.judge.judge(&EpisodeHeader::default(), &records)?;
+        Ok((success, reward))
+    }
+
+    /// Of the policy θ on `plant`.
+    pub fn records<P: Plant>(
+        &self,
+        problem: &Problem,
+        theta: &DVector<f64>,
+        mut plant: P,
+    ) -> Result<Vec<TickRecord>> {
         let policy = problem.decode(theta, Default::default());
         let (q0, config) = (self.config.plant.start_posture(), &self.config.controller);
-        let mut plant = PancakePlant::new(&self.arm, &q0, world);
         let referee = Referee::Toss(Toss::new(&TossConfig::default()));
         let mut controlled = Controlled { model: &self.model, plant: &mut plant, q0, referee };
         let mut records = vec![TickRecord::ZERO; MAX_RECORDS];
         let rollout = simulate(&mut controlled, config, &policy, &mut records)?;
-        let records = &records[..rollout.n_records];
-        let (_, success, reward) = self.judge.judge(&EpisodeHeader::default(), records)?;
-        Ok((success, reward))
+        records.truncate(rollout.n_records);
+        Ok(records)
     }
 }
 

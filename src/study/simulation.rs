@@ -10,14 +10,11 @@ use nalgebra::DVector;
 use physics::arm::JointVector;
 use physics::pancake::{PancakeConfig, PancakePlant};
 use physics::plant::{Measurement, Plant};
-use physics::referee::{Referee, Toss, TossConfig};
-use rt_controller::run::Controlled;
-use rt_controller::simulate::simulate;
-use search::trial::{Proposal, Trial};
-use shm_types::episode::{EpisodeHeader, MAX_RECORDS, TickRecord};
+use shm_types::episode::EpisodeHeader;
 
 use super::Sample;
 use super::pancake::Bench;
+use super::runs::session;
 use crate::config::Config;
 use crate::setup;
 use crate::tasks::camera::Camera;
@@ -88,17 +85,12 @@ pub fn run_seed(seed: u64) -> Result<Vec<Sample>> {
 fn learn(bench: &Bench) -> Result<(Problem, Vec<DVector<f64>>)> {
     let config = &bench.config.learner;
     let problem = Problem::new(config, &setup::demonstrations(&bench.config)?)?;
-    let mut search = problem.search(config);
-    let mut thetas = Vec::new();
-    for rollout in 1..=ROLLOUTS[ROLLOUTS.len() - 1] {
-        let Proposal { theta, .. } = search.ask(rollout);
-        let (success, reward) = bench.rollout(&problem, &theta, &bench.world)?;
-        if ROLLOUTS.contains(&rollout) {
-            thetas.push(theta.clone());
-        }
-        search.tell(&Trial { rollout, theta, reward, success });
-    }
-    Ok((problem, thetas))
+    let last = ROLLOUTS[ROLLOUTS.len() - 1];
+    let trials = session(&mut *problem.search(config), last, |_, theta| {
+        bench.rollout(&problem, theta, &bench.world)
+    })?;
+    let thetas = trials.into_iter().filter(|trial| ROLLOUTS.contains(&trial.rollout));
+    Ok((problem, thetas.map(|trial| trial.theta).collect()))
 }
 
 fn see(
@@ -108,30 +100,27 @@ fn see(
     world: &PancakeConfig,
     setting: &Setting,
 ) -> Result<Seen> {
-    let (q0, config) = (bench.config.plant.start_posture(), &bench.config.controller);
     let world = PancakeConfig {
         period_s: world.period_s / setting.steps_a_period as f64,
         solver_iterations: setting.substeps,
         friction: world.friction * setting.friction,
         ..*world
     };
-    let steps = setting.steps_a_period;
-    let mut plant = Finer { plant: PancakePlant::new(&bench.arm, &q0, &world), steps };
-    let referee = Referee::Toss(Toss::new(&TossConfig::default()));
-    let mut controlled = Controlled { model: &bench.arm, plant: &mut plant, q0, referee };
-    let mut records = vec![TickRecord::ZERO; MAX_RECORDS];
-    let policy = problem.decode(theta, Default::default());
-    let done = simulate(&mut controlled, config, &policy, &mut records)?;
-    let records = &records[..done.n_records];
-    let (measures, caught, _) = bench.judge.judge(&EpisodeHeader::default(), records)?;
+    let plant = PancakePlant::new(&bench.arm, &bench.config.plant.start_posture(), &world);
+    let plant = Finer { plant, steps: setting.steps_a_period };
+    let records = bench.records(problem, theta, plant)?;
+    let (measures, caught, _) = bench.judge.judge(&EpisodeHeader::default(), &records)?;
     let of = |name: &str| measures.get(name).unwrap_or(0.0);
     let (tossed, crossing_s) = (of("tossed") == 1.0, of("crossing_time_s"));
     let mut forward_m = 0.0;
-    Camera::new(&bench.arm, config.record_s()).show(records, |t_s, tip, object| {
-        if tossed && t_s == crossing_s {
-            forward_m = tip.inverse_transform_point(&object.p_WO.into()).x;
-        }
-    });
+    Camera::new(&bench.arm, bench.config.controller.record_s()).show(
+        &records,
+        |t_s, tip, object| {
+            if tossed && t_s == crossing_s {
+                forward_m = tip.inverse_transform_point(&object.p_WO.into()).x;
+            }
+        },
+    );
     Ok(Seen { caught, tossed, apex_m: of("apex_m"), turn_rad: of("flip_angle_rad"), forward_m })
 }
 
@@ -145,15 +134,11 @@ fn compare(name: &str, reference: &[Seen], seen: &[Seen]) -> Vec<Sample> {
         let tossed = pairs().filter(|(a, b)| a.tossed && b.tossed);
         tossed.map(|(a, b)| 1e3 * (of(b) - of(a))).collect()
     };
-    let typical = |errors: &[f64]| {
-        let mut sizes: Vec<f64> = errors.iter().map(|error| error.abs()).collect();
-        sizes.sort_by(f64::total_cmp);
-        sizes.get(sizes.len() / 2).copied().unwrap_or(0.0)
-    };
-    let middle = |mut errors: Vec<f64>| {
+    let middle = |mut errors: Vec<f64>| -> f64 {
         errors.sort_by(f64::total_cmp);
         errors.get(errors.len() / 2).copied().unwrap_or(0.0)
     };
+    let typical = |errors: &[f64]| middle(errors.iter().map(|error| error.abs()).collect());
     let forward = errors(|seen| seen.forward_m);
     vec![
         Sample::mean(name, "catches that differ", differing(|seen| seen.caught)),

@@ -5,16 +5,14 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use anyhow::Result;
 use learner::problem::Problem;
-use rt_controller::executor::action;
-use rt_controller::run::Controlled;
-use rt_controller::simulate::simulate;
-use search::trial::{Proposal, Trial};
-use shm_types::episode::{EpisodeHeader, MAX_RECORDS, TickRecord};
+use search::trial::Trial;
 use shm_types::policy::PolicyMsg;
 
 use super::Sample;
+use super::runs::session;
 use crate::config::Config;
-use crate::tasks::{self, ArmWorld, Task, World};
+use crate::tasks::executor::{Executor, executor};
+use crate::tasks::{self, Task};
 use crate::{judging, setup};
 
 /// The measure by which a task tells in which of several ways a rollout succeeded.
@@ -57,32 +55,6 @@ fn variants(task: &Task) -> Vec<BTreeMap<String, String>> {
     [BTreeMap::new()].into_iter().chain(others).collect()
 }
 
-/// Executes a policy: what an episode tells of it.
-type Executor = dyn FnMut(&PolicyMsg) -> Result<(EpisodeHeader, Vec<TickRecord>)>;
-
-fn executor(config: &Config) -> Result<Box<Executor>> {
-    Ok(match config.task()?.world {
-        World::Action(world) => {
-            let world = world(config);
-            Box::new(move |policy| {
-                let measures = action::measure(world.as_ref(), policy.actions());
-                Ok((EpisodeHeader { measures, ..EpisodeHeader::default() }, Vec::new()))
-            })
-        }
-        World::Arm(arm) => {
-            let ArmWorld { model, q0, mut plant, referee, .. } = (arm.world)(config)?;
-            let config = config.controller.clone();
-            Box::new(move |policy| {
-                let mut controlled = Controlled { model: &model, plant: &mut plant, q0, referee };
-                let mut records = vec![TickRecord::ZERO; MAX_RECORDS];
-                let done = simulate(&mut controlled, &config, policy, &mut records)?;
-                records.truncate(done.n_records);
-                Ok((EpisodeHeader { fault: done.fault, ..EpisodeHeader::default() }, records))
-            })
-        }
-    })
-}
-
 /// What a session came to: its trials, and in how many ways it succeeded where they are told apart.
 struct Learnt {
     trials: Vec<Trial>,
@@ -100,18 +72,15 @@ fn learn(config: &Config, execute: &mut Executor) -> Result<Learnt> {
     };
     let mut search = problem.search(&config.learner);
     let knows_ways = judge.declared().iter().any(|(name, _)| name == WAY);
-    let (mut trials, mut ways) = (Vec::new(), BTreeSet::new());
-    for rollout in 1..=config.learner.rollouts {
-        let Proposal { theta, .. } = search.ask(rollout);
-        let (header, records) = execute(&problem.decode(&theta, Default::default()))?;
+    let mut ways = BTreeSet::new();
+    let trials = session(&mut *search, config.learner.rollouts, |_, theta| {
+        let (header, records) = execute(&problem.decode(theta, Default::default()))?;
         let (measures, success, reward) = judge.judge(&header, &records)?;
         if let Some(way) = measures.get(WAY).filter(|_| success) {
             ways.insert(way.to_bits());
         }
-        let trial = Trial { rollout, theta, reward, success };
-        search.tell(&trial);
-        trials.push(trial);
-    }
+        Ok((success, reward))
+    })?;
     Ok(Learnt { trials, ways: knows_ways.then_some(ways.len()) })
 }
 

@@ -2,14 +2,12 @@
 //! hangs from it on a string, and the ball is to be swung up and caught.
 
 use anyhow::Result;
-use learner::judge::{Declared, Measurer};
-use physics::cup::outcome::{Outcome, OutcomeTracker};
+use physics::cup::outcome::OutcomeTracker;
 use physics::cup::{CupConfig, CupPlant, WAM7_CUP_POSTURE};
 use physics::referee::Referee;
-use shm_types::episode::{EpisodeHeader, TickRecord};
-use shm_types::measures::{Measure, Measures, MeasuresError, TRUTH};
+use shm_types::measures::Measure;
 
-use super::camera::{Camera, clipped_share};
+use super::camera::{Camera, Followed};
 use super::{ArmTask, ArmWorld, Task, World};
 use crate::config::{Config, JudgeConfig};
 use crate::record::solids::{Solid, Solids};
@@ -71,9 +69,11 @@ fn world(config: &Config) -> Result<ArmWorld> {
         plant: Box::new(CupPlant::new(&model, &q0, &cup)),
         // The movement ends with the cup at rest: what becomes of the ball is seen by then.
         referee: Referee::Clock,
-        measurer: Box::new(CupMeasurer {
+        measurer: Box::new(Followed {
             camera: Camera::new(&model, config.controller.record_s()),
-            cup,
+            tracker: OutcomeTracker::new(&cup),
+            observe: OutcomeTracker::observe,
+            measures,
         }),
         model,
         q0,
@@ -88,33 +88,10 @@ fn solids(config: &Config) -> Solids {
     Solids { tip: ("cup", vec![cup]), object: ("ball", vec![ball]), has_string: true }
 }
 
-/// Follows cup and ball through the records.
-struct CupMeasurer {
-    camera: Camera,
-    cup: CupConfig,
-}
-
-impl Measurer for CupMeasurer {
-    fn declared(&self) -> Declared {
-        let nothing = all(&OutcomeTracker::new(&self.cup).outcome(), 0.0);
-        nothing.map(|measure| (measure.name.into(), measure.unit.into())).into()
-    }
-
-    fn measure(
-        &self,
-        _: &EpisodeHeader,
-        records: &[TickRecord],
-    ) -> Result<Measures, MeasuresError> {
-        let mut tracker = OutcomeTracker::new(&self.cup);
-        self.camera.show(records, |t_s, tip, object| tracker.observe(t_s, tip, object));
-        Measures::of(all(&tracker.outcome(), clipped_share(records)))
-    }
-}
-
-fn all(outcome: &Outcome, clipped_share: f64) -> [Measure<'static>; 6] {
-    let truth = |name, value| Measure { name, unit: TRUTH, value: f64::from(u8::from(value)) };
+fn measures(tracker: &OutcomeTracker, clipped_share: f64) -> Vec<Measure<'static>> {
+    let (outcome, truth) = (tracker.outcome(), Measure::truth);
     let number = |name, unit, value| Measure { name, unit, value };
-    [
+    vec![
         truth("caught", outcome.caught),
         truth("crossed", outcome.crossed),
         number("crossing_time_s", "s", outcome.crossing_time_s),

@@ -2,11 +2,13 @@
 
 #![allow(non_snake_case)] // X_WP is the pose of P in W
 
+use learner::judge::{Declared, Measurer};
 use nalgebra::{Isometry3, Quaternion, UnitQuaternion, Vector3};
 use physics::arm::{ArmModel, JointVector, kinematics};
 use physics::plant::ObjectState;
 use shm_types::TASK_DIM;
-use shm_types::episode::{FLAG_IN_CONTACT, FLAG_TORQUE_CLIPPED, TickRecord};
+use shm_types::episode::{EpisodeHeader, FLAG_IN_CONTACT, FLAG_TORQUE_CLIPPED, TickRecord};
+use shm_types::measures::{Measure, Measures, MeasuresError};
 
 pub struct Camera {
     model: ArmModel,
@@ -35,8 +37,36 @@ impl Camera {
     }
 }
 
+/// Measures what a tracker saw of a rollout.
+pub struct Followed<T> {
+    pub camera: Camera,
+    /// One that has seen nothing.
+    pub tracker: T,
+    pub observe: fn(&mut T, f64, &Isometry3<f64>, &ObjectState),
+    /// All there is to say, with the share of ticks in which a torque was clipped.
+    pub measures: fn(&T, f64) -> Vec<Measure<'static>>,
+}
+
+impl<T: Copy + Send> Measurer for Followed<T> {
+    fn declared(&self) -> Declared {
+        let nothing = (self.measures)(&self.tracker, 0.0);
+        nothing.iter().map(|measure| (measure.name.into(), measure.unit.into())).collect()
+    }
+
+    fn measure(
+        &self,
+        _: &EpisodeHeader,
+        records: &[TickRecord],
+    ) -> Result<Measures, MeasuresError> {
+        let mut tracker = self.tracker;
+        let observe = self.observe;
+        self.camera.show(records, |t_s, tip, object| observe(&mut tracker, t_s, tip, object));
+        Measures::of((self.measures)(&tracker, clipped_share(records)))
+    }
+}
+
 /// The share of ticks in which a torque was clipped at its limit.
-pub fn clipped_share(records: &[TickRecord]) -> f64 {
+fn clipped_share(records: &[TickRecord]) -> f64 {
     let clipped = records.iter().filter(|record| record.flags & FLAG_TORQUE_CLIPPED != 0);
     clipped.count() as f64 / records.len().max(1) as f64
 }

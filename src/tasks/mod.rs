@@ -15,6 +15,7 @@ use crate::report::Pictures;
 
 pub mod camera;
 mod configured;
+pub mod executor;
 
 /// The modules, and all tasks in the order in which people see them.
 macro_rules! tasks {

@@ -13,7 +13,7 @@ use crate::config::Config;
 use crate::record::solids::{Solid, Solids};
 use crate::report::Pictures;
 use crate::setup;
-use measurer::PancakeMeasurer;
+use measurer::measurer;
 
 const IRON: [f64; 4] = [0.20, 0.21, 0.24, 1.0];
 const DOUGH: [f64; 4] = [0.93, 0.72, 0.35, 1.0];
@@ -44,10 +44,7 @@ fn world(config: &Config) -> Result<ArmWorld> {
     Ok(ArmWorld {
         plant: Box::new(PancakePlant::new(&model, &q0, &world)),
         referee: Referee::Toss(Toss::new(&outcome.toss)),
-        measurer: Box::new(PancakeMeasurer {
-            camera: Camera::new(&model, config.controller.record_s()),
-            outcome,
-        }),
+        measurer: Box::new(measurer(Camera::new(&model, config.controller.record_s()), &outcome)),
         model,
         q0,
     })

@@ -1,31 +1,24 @@
-//! The world of ball and cup behind [`Plant`].
+//! The world of ball and cup: an arm that holds a cup from which a ball hangs.
 
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use rapier3d::prelude::PhysicsWorld;
 
 use super::{Ball, CupConfig, CupMotion, Reaction};
 use crate::arm::{ArmModel, JointVector, kinematics};
-use crate::plant::{Measurement, ObjectState, Plant};
+use crate::plant::ObjectState;
 use crate::rapier::convert::to_glam_vector;
-use crate::rapier::{ContactSoftness, RapierArm, new_world};
+use crate::rapier::{ContactSoftness, RapierArm, Scene, ScenePlant, new_world};
 
 /// Sub-steps of the arm within a period, as in the pancake's world.
 const ARM_SUBSTEPS: usize = 4;
 /// Nothing touches anything in Rapier's part of the world; a world wants one all the same.
 const NO_CONTACTS: ContactSoftness = ContactSoftness { frequency_hz: 30.0, damping_ratio: 1.0 };
 
-/// An arm that holds a cup from which a ball hangs.
-pub struct CupPlant {
-    model: ArmModel,
-    q0: JointVector,
-    config: CupConfig,
-    tau: JointVector,
-    sample: u64,
-    scene: Scene,
-}
+/// The model's tip is the cup frame.
+pub type CupPlant = ScenePlant<CupScene>;
 
 /// One world, and what is in it.
-struct Scene {
+pub struct CupScene {
     world: PhysicsWorld,
     arm: RapierArm,
     X_WP: Isometry3<f64>,
@@ -34,60 +27,31 @@ struct Scene {
     reaction: Reaction,
 }
 
-impl CupPlant {
-    /// Builds the world at rest at `q0` (rad), the ball hanging below the cup.
-    ///
-    /// The model's tip is the cup frame and its last body carries the cup's mass.
-    /// Precondition: `q0` lies within the limits.
-    pub fn new(model: &ArmModel, q0: &JointVector, config: &CupConfig) -> CupPlant {
-        let scene = Scene::new(model, q0, config);
-        let tau = JointVector::zeros();
-        CupPlant { model: model.clone(), q0: *q0, config: *config, tau, sample: 0, scene }
-    }
-}
+impl Scene for CupScene {
+    type Config = CupConfig;
 
-impl Plant for CupPlant {
-    fn is_simulated(&self) -> bool {
-        true
-    }
-
-    fn begin_reset(&mut self) {
-        self.tau = JointVector::zeros();
-        self.scene = Scene::new(&self.model, &self.q0, &self.config);
-    }
-
-    fn is_ready(&self) -> bool {
-        true
-    }
-
-    fn measure(&self) -> Measurement {
-        let Scene { world, arm, ball, .. } = &self.scene;
-        let object = ObjectState {
-            p_WO: ball.p_WO,
-            R_WO: UnitQuaternion::identity(),
-            in_contact: ball.is_touching,
-        };
-        let t_ns = self.sample * (self.config.period_s * 1e9).round() as u64;
-        Measurement { q: arm.q(world), qd: arm.qd(world), object, sample: self.sample, t_ns }
-    }
-
-    fn apply(&mut self, tau: &JointVector) {
-        self.tau = *tau;
-    }
-
-    fn advance(&mut self) {
-        self.scene.advance(&self.model, &self.tau, &self.config);
-        self.sample += 1;
-    }
-}
-
-impl Scene {
-    fn new(model: &ArmModel, q0: &JointVector, config: &CupConfig) -> Scene {
+    fn new(model: &ArmModel, q0: &JointVector, config: &CupConfig) -> CupScene {
         let mut world = new_world(&model.gravity(), config.period_s, ARM_SUBSTEPS, NO_CONTACTS);
         let arm = RapierArm::insert(&mut world, model, q0);
         let X_WP = kinematics::tip_pose(model, q0);
         let ball = Ball::hanging(&X_WP, config);
-        Scene { world, arm, X_WP, ball, reaction: Reaction::NONE }
+        CupScene { world, arm, X_WP, ball, reaction: Reaction::NONE }
+    }
+
+    fn period_s(config: &CupConfig) -> f64 {
+        config.period_s
+    }
+
+    fn arm(&self) -> (&PhysicsWorld, &RapierArm) {
+        (&self.world, &self.arm)
+    }
+
+    fn object(&self) -> ObjectState {
+        ObjectState {
+            p_WO: self.ball.p_WO,
+            R_WO: UnitQuaternion::identity(),
+            in_contact: self.ball.is_touching,
+        }
     }
 
     /// The arm moves first, the ball follows where the cup went.
@@ -112,7 +76,9 @@ impl Scene {
         }
         self.X_WP = to;
     }
+}
 
+impl CupScene {
     /// The mean force of what the ball did to the cup during the last period.
     fn push_cup(&mut self, period_s: f64) {
         let [force, moment] = [self.reaction.impulse, self.reaction.moment]

@@ -1,80 +1,27 @@
-//! The pancake world behind [`Plant`].
+//! The pancake world: an arm with a frying pan, and a pancake lying in it.
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 use rapier3d::prelude::{ColliderHandle, PhysicsWorld, RigidBodyHandle};
 
 use super::{PancakeConfig, insert_pan, insert_pancake, object_state};
 use crate::arm::{ArmModel, JointVector, kinematics};
-use crate::plant::{Measurement, Plant};
-use crate::rapier::{ContactSoftness, RapierArm, new_world};
+use crate::plant::ObjectState;
+use crate::rapier::{ContactSoftness, RapierArm, Scene, ScenePlant, new_world};
 
-/// An arm with a frying pan and a pancake lying in it.
-pub struct PancakePlant {
-    model: ArmModel,
-    q0: JointVector,
-    config: PancakeConfig,
-    tau: JointVector,
-    sample: u64,
-    scene: Scene,
-}
+/// The model's tip is the pan frame; the configuration passes [`PancakeConfig::check`].
+pub type PancakePlant = ScenePlant<PancakeScene>;
 
 /// One world and the handles into it.
-struct Scene {
+pub struct PancakeScene {
     world: PhysicsWorld,
     arm: RapierArm,
     pancake: (RigidBodyHandle, ColliderHandle),
 }
 
-impl PancakePlant {
-    /// Builds the world at rest at `q0` (rad), the pancake in the pan as `config` says.
-    ///
-    /// The model's tip is the pan frame and its last body carries the pan's mass.
-    /// Preconditions: `config` passes [`PancakeConfig::check`], `q0` lies within the limits.
-    pub fn new(model: &ArmModel, q0: &JointVector, config: &PancakeConfig) -> PancakePlant {
-        let scene = Scene::new(model, q0, config);
-        let tau = JointVector::zeros();
-        PancakePlant { model: model.clone(), q0: *q0, config: *config, tau, sample: 0, scene }
-    }
-}
+impl Scene for PancakeScene {
+    type Config = PancakeConfig;
 
-impl Plant for PancakePlant {
-    fn is_simulated(&self) -> bool {
-        true
-    }
-
-    /// Builds a fresh world: putting the old one back in place is not bit-identical, because
-    /// Rapier keeps contacts, warm starts and its broad phase.
-    fn begin_reset(&mut self) {
-        self.tau = JointVector::zeros();
-        self.scene = Scene::new(&self.model, &self.q0, &self.config);
-    }
-
-    fn is_ready(&self) -> bool {
-        true
-    }
-
-    fn measure(&self) -> Measurement {
-        let Scene { world, arm, pancake } = &self.scene;
-        let object = object_state(world, *pancake);
-        let t_ns = self.sample * (self.config.period_s * 1e9).round() as u64;
-        Measurement { q: arm.q(world), qd: arm.qd(world), object, sample: self.sample, t_ns }
-    }
-
-    fn apply(&mut self, tau: &JointVector) {
-        self.tau = *tau;
-    }
-
-    fn advance(&mut self) {
-        let Scene { world, arm, .. } = &mut self.scene;
-        // Here and not in apply: Rapier holds torques in world axes, and the axes have moved.
-        arm.set_torques(world, &self.tau);
-        world.step();
-        self.sample += 1;
-    }
-}
-
-impl Scene {
-    fn new(model: &ArmModel, q0: &JointVector, config: &PancakeConfig) -> Scene {
+    fn new(model: &ArmModel, q0: &JointVector, config: &PancakeConfig) -> PancakeScene {
         let softness = ContactSoftness {
             frequency_hz: config.contact_frequency_hz,
             damping_ratio: config.contact_damping_ratio,
@@ -89,6 +36,24 @@ impl Scene {
         let X_PO = Isometry3::from_parts(Translation3::new(x, y, z), UnitQuaternion::identity());
         let X_WO = kinematics::tip_pose(model, q0) * X_PO;
         let pancake = insert_pancake(&mut world, &X_WO, config);
-        Scene { world, arm, pancake }
+        PancakeScene { world, arm, pancake }
+    }
+
+    fn period_s(config: &PancakeConfig) -> f64 {
+        config.period_s
+    }
+
+    fn arm(&self) -> (&PhysicsWorld, &RapierArm) {
+        (&self.world, &self.arm)
+    }
+
+    fn object(&self) -> ObjectState {
+        object_state(&self.world, self.pancake)
+    }
+
+    fn advance(&mut self, _: &ArmModel, tau: &JointVector, _: &PancakeConfig) {
+        // Now and not when they are commanded: Rapier holds torques in world axes, and the axes have moved.
+        self.arm.set_torques(&mut self.world, tau);
+        self.world.step();
     }
 }

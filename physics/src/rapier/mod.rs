@@ -2,7 +2,9 @@
 
 mod arm;
 pub mod convert;
+mod plant;
 mod world;
 
 pub use arm::RapierArm;
+pub use plant::{Scene, ScenePlant};
 pub use world::{ContactSoftness, new_world};

@@ -1,39 +1,19 @@
 //! What is measured of a toss: pan and pancake, followed through the records as a camera would.
 
-use learner::judge::{Declared, Measurer};
-use physics::pancake::outcome::{Outcome, OutcomeConfig, OutcomeTracker};
-use shm_types::episode::{EpisodeHeader, TickRecord};
-use shm_types::measures::{Measure, Measures, MeasuresError, TRUTH};
+use physics::pancake::outcome::{OutcomeConfig, OutcomeTracker};
+use shm_types::measures::Measure;
 
-use crate::tasks::camera::{Camera, clipped_share};
+use crate::tasks::camera::{Camera, Followed};
 
-pub struct PancakeMeasurer {
-    pub camera: Camera,
-    pub outcome: OutcomeConfig,
+pub fn measurer(camera: Camera, outcome: &OutcomeConfig) -> Followed<OutcomeTracker> {
+    let tracker = OutcomeTracker::new(outcome);
+    Followed { camera, tracker, observe: OutcomeTracker::observe, measures }
 }
 
-impl Measurer for PancakeMeasurer {
-    fn declared(&self) -> Declared {
-        let nothing = all(&Outcome::default(), 0.0);
-        nothing.map(|measure| (measure.name.into(), measure.unit.into())).into()
-    }
-
-    fn measure(
-        &self,
-        _: &EpisodeHeader,
-        records: &[TickRecord],
-    ) -> Result<Measures, MeasuresError> {
-        let mut tracker = OutcomeTracker::new(&self.outcome);
-        self.camera.show(records, |t_s, tip, object| tracker.observe(t_s, tip, object));
-        Measures::of(all(&tracker.outcome(), clipped_share(records)))
-    }
-}
-
-/// What [`Outcome`] says, and the share of ticks in which a torque was clipped at its limit.
-fn all(outcome: &Outcome, clipped_share: f64) -> [Measure<'static>; 16] {
-    let truth = |name, value| Measure { name, unit: TRUTH, value: f64::from(u8::from(value)) };
+fn measures(tracker: &OutcomeTracker, clipped_share: f64) -> Vec<Measure<'static>> {
+    let (outcome, truth) = (tracker.outcome(), Measure::truth);
     let number = |name, unit, value| Measure { name, unit, value };
-    [
+    vec![
         truth("tossed", outcome.tossed),
         truth("caught", outcome.flipped_and_caught),
         truth("dropped", outcome.dropped),

@@ -1,0 +1,42 @@
+//! Rollouts of a task in this process, bit for bit those of a session: for studies and replays.
+
+use anyhow::{Context, Result};
+use rt_controller::executor::action;
+use rt_controller::run::Controlled;
+use rt_controller::simulate::simulate;
+use shm_types::episode::{EpisodeHeader, MAX_RECORDS, TickRecord};
+use shm_types::policy::PolicyMsg;
+
+use super::{ArmWorld, World};
+use crate::config::Config;
+
+/// Executes a policy: what an episode tells of it.
+pub type Executor = dyn FnMut(&PolicyMsg) -> Result<(EpisodeHeader, Vec<TickRecord>)>;
+
+pub fn executor(config: &Config) -> Result<Box<Executor>> {
+    Ok(match config.task()?.world {
+        World::Action(world) => {
+            let (world, period_ns) = (world(config), action::PERIOD_NS);
+            Box::new(move |policy| {
+                let (measures, records) =
+                    action::replay(world.as_ref(), policy).with_context(|| {
+                        format!("policy {} is not admitted any more", policy.policy_id)
+                    })?;
+                Ok((EpisodeHeader { measures, period_ns, ..EpisodeHeader::default() }, records))
+            })
+        }
+        World::Arm(arm) => {
+            let ArmWorld { model, q0, mut plant, referee, .. } = (arm.world)(config)?;
+            let config = config.controller.clone();
+            let period_ns = config.period_ns() * config.record_stride() as u64;
+            Box::new(move |policy| {
+                let mut controlled = Controlled { model: &model, plant: &mut plant, q0, referee };
+                let mut records = vec![TickRecord::ZERO; MAX_RECORDS];
+                let done = simulate(&mut controlled, &config, policy, &mut records)?;
+                records.truncate(done.n_records);
+                let fault = done.fault;
+                Ok((EpisodeHeader { fault, period_ns, ..EpisodeHeader::default() }, records))
+            })
+        }
+    })
+}
