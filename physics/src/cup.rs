@@ -10,6 +10,7 @@ pub mod outcome;
 mod plant;
 
 use crate::arm::JointVector;
+use crate::plant::Dynamics;
 
 pub use ball::{Ball, CupMotion, Reaction};
 pub use plant::{CupPlant, CupScene};
@@ -23,6 +24,8 @@ pub const WAM7_CUP_POSTURE: JointVector = crate::pancake::WAM7_START_POSTURE;
 /// string is fixed, z towards the rim. The cup's mass belongs to the arm's URDF.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CupConfig {
+    /// How the arm moves.
+    pub dynamics: Dynamics,
     /// Simulated time per [`crate::plant::Plant::advance`], s.
     pub period_s: f64,
     /// Sub-steps of ball and string per period.
@@ -30,7 +33,7 @@ pub struct CupConfig {
     /// From the cup's bottom to the ball's centre, m.
     pub string_length: f64,
     pub ball_radius: f64,
-    /// kg. Little beside what the arm moves: what it pulls acts on the arm one period later.
+    /// kg. Little beside what the arm moves: what it pulls acts on a multibody one period later.
     pub ball_mass: f64,
     /// Inner radius of the cup at its bottom and at its rim, m.
     pub bottom_radius: f64,
@@ -48,6 +51,7 @@ pub struct CupConfig {
 impl Default for CupConfig {
     fn default() -> Self {
         CupConfig {
+            dynamics: Dynamics::Multibody,
             period_s: 1e-3,
             n_substeps: 4,
             string_length: 0.4,

@@ -12,8 +12,9 @@ use nalgebra::{Isometry3, Matrix3, Vector3};
 
 use crate::arm::JointVector;
 use crate::arm::urdf::Payload;
+use crate::plant::Dynamics;
 
-pub use bodies::{insert_pan, insert_pancake, is_touching, object_state};
+pub use bodies::{insert_pan, insert_pan_in_two, insert_pancake, is_touching, object_state};
 pub use check::PancakeConfigError;
 pub use plant::{PancakePlant, PancakeScene};
 
@@ -35,6 +36,8 @@ pub const WAM7_START_POSTURE: JointVector =
 /// normal. The pan's mass belongs to the arm's URDF.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PancakeConfig {
+    /// How the arm moves.
+    pub dynamics: Dynamics,
     /// Simulated time per [`crate::plant::Plant::advance`], s.
     pub period_s: f64,
     /// Sub-steps per period.
@@ -79,8 +82,9 @@ pub struct PancakeConfig {
 impl Default for PancakeConfig {
     fn default() -> Self {
         Self {
+            dynamics: Dynamics::Multibody,
             period_s: 1e-3,
-            solver_iterations: 4,
+            solver_iterations: Dynamics::Multibody.substeps(),
             contact_frequency_hz: 240.0,
             contact_damping_ratio: 1.0,
             pan_radius: 0.13,

@@ -33,6 +33,28 @@ pub struct Measurement {
     pub t_ns: u64,
 }
 
+/// How a simulated arm moves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Dynamics {
+    /// A Rapier multibody in the world of what it touches.
+    #[default]
+    Multibody,
+    /// The equations of motion of [`crate::arm`], and a body in the world that stands for the tip; see
+    /// [`crate::split`].
+    Split,
+}
+
+impl Dynamics {
+    /// Sub-steps of the world in a millisecond that suffice, as the study of the simulation shows
+    /// (docs/simulation.md). The multibody needs more of them, because it is integrated to first order.
+    pub const fn substeps(self) -> usize {
+        match self {
+            Dynamics::Multibody => 4,
+            Dynamics::Split => 2,
+        }
+    }
+}
+
 /// A torque-controlled arm and its surroundings, simulated or real.
 ///
 /// The torque given by [`apply`](Plant::apply) acts until it is replaced.

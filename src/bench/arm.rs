@@ -52,9 +52,8 @@ impl Arm {
         Ok(Arm { config, model, q0 })
     }
 
-    pub fn world(&self, sub_steps: usize) -> PancakeConfig {
-        let world = self.config.plant.world(self.config.controller.period_s());
-        PancakeConfig { solver_iterations: sub_steps, ..world }
+    pub fn world(&self) -> PancakeConfig {
+        self.config.plant.world(self.config.controller.period_s())
     }
 
     /// `n` states from one seed: the same in every run.
@@ -117,9 +116,9 @@ pub struct Loop<'a> {
 }
 
 impl<'a> Loop<'a> {
-    pub fn new(arm: &'a Arm, policy: Policy, sub_steps: usize) -> Loop<'a> {
+    pub fn new(arm: &'a Arm, policy: Policy, world: &PancakeConfig) -> Loop<'a> {
         let (model, config) = (&arm.model, &arm.config.controller);
-        let plant = PancakePlant::new(model, &arm.q0, &arm.world(sub_steps));
+        let plant = PancakePlant::new(model, &arm.q0, world);
         let controller = Controller::new(
             model,
             &arm.q0,

@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
 use learner::problem::Problem;
-use physics::pancake::PancakePlant;
-use physics::plant::Plant;
+use physics::pancake::{PancakeConfig, PancakePlant};
+use physics::plant::{Dynamics, Plant};
 use physics::referee::{Referee, Toss, TossConfig};
 use rt_controller::run::Controlled;
 use rt_controller::simulate::simulate;
@@ -29,11 +29,18 @@ pub const BENCH: Bench = Bench {
     run,
 };
 
-const SUB_STEPS: [usize; 3] = [1, 2, 4];
+/// How the arm moves, and sub-steps.
+const SETTINGS: [(Dynamics, usize); 5] = [
+    (Dynamics::Multibody, 1),
+    (Dynamics::Multibody, 2),
+    (Dynamics::Multibody, 4),
+    (Dynamics::Split, 2),
+    (Dynamics::Split, 4),
+];
 /// Policies that are run in turn.
 const N_POLICIES: u64 = 8;
 
-/// The rows of one number of sub-steps.
+/// The rows of one setting.
 struct Rows {
     step: Row,
     one: Row,
@@ -42,9 +49,13 @@ struct Rows {
 }
 
 impl Rows {
-    fn new(sub_steps: usize, cores: usize) -> Rows {
+    fn new((dynamics, sub_steps): (Dynamics, usize), cores: usize) -> Rows {
         let s = if sub_steps == 1 { "" } else { "s" };
-        let scenario = format!("{sub_steps} sub-step{s}");
+        let arm = match dynamics {
+            Dynamics::Multibody => "multibody",
+            Dynamics::Split => "split",
+        };
+        let scenario = format!("{arm}, {sub_steps} sub-step{s}");
         let all = format!("rollouts, all {cores} cores");
         Rows {
             step: Row::time("Step of the simulation", "step", &scenario),
@@ -59,12 +70,13 @@ fn run(plan: &Plan) -> Result<Vec<Row>> {
     let arm = Arm::new()?;
     let policies = policies(&arm)?;
     let cores = std::thread::available_parallelism().map_or(1, NonZero::get);
-    let slice = plan.slice(3 * SUB_STEPS.len());
-    let mut rows: Vec<Rows> = SUB_STEPS.iter().map(|n| Rows::new(*n, cores)).collect();
+    let slice = plan.slice(3 * SETTINGS.len());
+    let mut rows: Vec<Rows> = SETTINGS.iter().map(|n| Rows::new(*n, cores)).collect();
     for round in 0..plan.rounds {
-        for (rows, sub_steps) in rows.iter_mut().zip(SUB_STEPS) {
-            steps(&arm, sub_steps, slice, &mut rows.step)?;
-            let rate = |threads| rollouts_per_second(&arm, &policies, sub_steps, threads, slice);
+        for (rows, (dynamics, solver_iterations)) in rows.iter_mut().zip(SETTINGS) {
+            let world = PancakeConfig { dynamics, solver_iterations, ..arm.world() };
+            steps(&arm, &world, slice, &mut rows.step)?;
+            let rate = |threads| rollouts_per_second(&arm, &policies, &world, threads, slice);
             // Whatever comes first in a round has no other advantage.
             let (one, all) = if round % 2 == 0 {
                 let one = rate(1)?;
@@ -90,8 +102,8 @@ fn policies(arm: &Arm) -> Result<Vec<PolicyMsg>> {
     Ok((1..=N_POLICIES).map(decode).collect())
 }
 
-fn steps(arm: &Arm, sub_steps: usize, slice: Duration, row: &mut Row) -> Result<()> {
-    let mut running = Loop::new(arm, arm.policy(8, 4)?, sub_steps);
+fn steps(arm: &Arm, world: &PancakeConfig, slice: Duration, row: &mut Row) -> Result<()> {
+    let mut running = Loop::new(arm, arm.policy(8, 4)?, world);
     let begin = Instant::now();
     let before = row.n();
     while row.n() == before || begin.elapsed() < slice {
@@ -111,13 +123,13 @@ fn steps(arm: &Arm, sub_steps: usize, slice: Duration, row: &mut Row) -> Result<
 fn rollouts_per_second(
     arm: &Arm,
     policies: &[PolicyMsg],
-    sub_steps: usize,
+    world: &PancakeConfig,
     threads: usize,
     slice: Duration,
 ) -> Result<f64> {
     let barrier = Barrier::new(threads);
     let rate = || -> Result<f64> {
-        let mut plant = PancakePlant::new(&arm.model, &arm.q0, &arm.world(sub_steps));
+        let mut plant = PancakePlant::new(&arm.model, &arm.q0, world);
         let referee = Referee::Toss(Toss::new(&TossConfig::default()));
         let (model, q0) = (&arm.model, arm.q0);
         let mut controlled = Controlled { model, plant: &mut plant, q0, referee };

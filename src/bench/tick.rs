@@ -124,7 +124,7 @@ fn arm_parts<'a>(model: &'a ArmModel, states: &'a [State]) -> Vec<Case<'a>> {
 }
 
 fn whole_tick(arm: &Arm, policy: Policy, components: usize, dims: usize) -> Case<'_> {
-    let mut running = Loop::new(arm, policy, arm.config.plant.solver_iterations);
+    let mut running = Loop::new(arm, policy, &arm.world());
     let measure = move |slice: Duration, row: &mut Row| {
         let begin = Instant::now();
         let before = row.n();

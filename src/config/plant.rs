@@ -8,12 +8,16 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use physics::arm::urdf::Payload;
 use physics::arm::{ArmSettings, JointVector};
 use physics::pancake::{PancakeConfig, WAM7_START_POSTURE};
+use physics::plant::Dynamics;
 use serde::{Deserialize, Serialize};
 
 /// The simulated arm, pan and pancake.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PlantConfig {
+    /// multibody: the arm is Rapier's, as everything it touches; split: the arm by equations of motion of
+    /// our own, of second order, and only what it touches by Rapier; see docs/simulation.md.
+    pub dynamics: DynamicsKind,
     /// URDF of the arm; the built-in WAM when absent.
     pub arm: Option<PathBuf>,
     /// Link whose frame is the pan: origin on its surface, z its normal. With `pan`, any link that
@@ -31,7 +35,9 @@ pub struct PlantConfig {
     pub restitution: f64,
     pub contact_frequency_hz: f64,
     pub contact_damping_ratio: f64,
-    pub solver_iterations: usize,
+    /// Sub-steps of the world in a period; what `dynamics` needs when absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub solver_iterations: Option<usize>,
     /// One a joint, instead of the effort and velocity limits of the URDF; those when empty.
     pub torque_limits_nm: Vec<f64>,
     pub speed_limits_rad_s: Vec<f64>,
@@ -39,6 +45,14 @@ pub struct PlantConfig {
     pub pan: Option<PanConfig>,
     /// Joints that stand still, and where, rad or m. Those beside the arm stand at 0 otherwise.
     pub held: BTreeMap<String, f64>,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum DynamicsKind {
+    #[default]
+    Multibody,
+    Split,
 }
 
 /// A frying pan, a disc, on the tip link.
@@ -55,6 +69,7 @@ impl Default for PlantConfig {
     fn default() -> Self {
         let world = PancakeConfig::default();
         PlantConfig {
+            dynamics: DynamicsKind::default(),
             arm: None,
             tip: "pan".into(),
             base: None,
@@ -66,7 +81,7 @@ impl Default for PlantConfig {
             restitution: world.restitution,
             contact_frequency_hz: world.contact_frequency_hz,
             contact_damping_ratio: world.contact_damping_ratio,
-            solver_iterations: world.solver_iterations,
+            solver_iterations: None,
             torque_limits_nm: Vec::new(),
             speed_limits_rad_s: Vec::new(),
             pan: None,
@@ -78,6 +93,7 @@ impl Default for PlantConfig {
 impl PlantConfig {
     pub fn world(&self, period_s: f64) -> PancakeConfig {
         PancakeConfig {
+            dynamics: self.dynamics(),
             period_s,
             pancake_mass: self.pancake_mass_kg,
             pancake_radius: self.pancake_radius_m,
@@ -86,8 +102,15 @@ impl PlantConfig {
             restitution: self.restitution,
             contact_frequency_hz: self.contact_frequency_hz,
             contact_damping_ratio: self.contact_damping_ratio,
-            solver_iterations: self.solver_iterations,
+            solver_iterations: self.solver_iterations.unwrap_or(self.dynamics().substeps()),
             ..PancakeConfig::default()
+        }
+    }
+
+    pub fn dynamics(&self) -> Dynamics {
+        match self.dynamics {
+            DynamicsKind::Multibody => Dynamics::Multibody,
+            DynamicsKind::Split => Dynamics::Split,
         }
     }
 
@@ -120,7 +143,7 @@ impl PlantConfig {
             ("restitution", self.restitution, 0.0, 1.0),
             ("contact_frequency_hz", self.contact_frequency_hz, 5.0, 500.0),
             ("contact_damping_ratio", self.contact_damping_ratio, 0.1, 20.0),
-            ("solver_iterations", self.solver_iterations as f64, 1.0, 64.0),
+            ("solver_iterations", self.solver_iterations.unwrap_or(1) as f64, 1.0, 64.0),
         ] {
             if !(min..=max).contains(&value) {
                 bail!("plant.{field} is {value}: use a value within {min}..={max}");

@@ -5,7 +5,7 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use rapier3d::prelude::{
     ColliderBuilder, ColliderHandle, MassProperties, PhysicsWorld, Pose, RigidBodyBuilder,
-    RigidBodyHandle, Rotation, Vector,
+    RigidBodyHandle, Rotation, SharedShape, Vector,
 };
 
 use super::PancakeConfig;
@@ -22,20 +22,47 @@ pub fn insert_pan(
     X_BP: &Isometry3<f64>,
     config: &PancakeConfig,
 ) {
-    let mut insert = |shape: ColliderBuilder, X_PC: &Isometry3<f64>| {
-        let shape = shape
-            .density(0.0)
-            .friction(config.friction)
-            .restitution(config.restitution)
-            .position(to_glam_pose(&(X_BP * X_PC)));
-        world.colliders.insert_with_parent(shape.build(), body, &mut world.bodies);
-    };
+    let disc = ColliderBuilder::new(disc(config));
+    insert_part(world, body, disc, &(X_BP * disc_pose(config)), config);
+    for (X_PC, part) in rim(config) {
+        insert_part(world, body, ColliderBuilder::new(part), &(X_BP * X_PC), config);
+    }
+}
 
-    let half_thickness = config.pan_thickness / 2.0;
-    let disc = ColliderBuilder::cylinder(half_thickness, config.pan_radius);
-    let below = Translation3::new(0.0, 0.0, -half_thickness);
-    insert(disc, &Isometry3::from_parts(below, y_to_z()));
+/// The same with the frame of `body` as the pan frame and the rim as one shape, which costs less and
+/// gives another order of contacts.
+pub fn insert_pan_in_two(world: &mut PhysicsWorld, body: RigidBodyHandle, config: &PancakeConfig) {
+    insert_part(world, body, ColliderBuilder::new(disc(config)), &disc_pose(config), config);
+    let parts = rim(config).map(|(X_PC, part)| (to_glam_pose(&X_PC), part)).collect();
+    insert_part(world, body, ColliderBuilder::compound(parts), &Isometry3::identity(), config);
+}
 
+fn insert_part(
+    world: &mut PhysicsWorld,
+    body: RigidBodyHandle,
+    part: ColliderBuilder,
+    X_BC: &Isometry3<f64>,
+    config: &PancakeConfig,
+) {
+    let part = part
+        .density(0.0)
+        .friction(config.friction)
+        .restitution(config.restitution)
+        .position(to_glam_pose(X_BC));
+    world.colliders.insert_with_parent(part.build(), body, &mut world.bodies);
+}
+
+fn disc(config: &PancakeConfig) -> SharedShape {
+    SharedShape::cylinder(config.pan_thickness / 2.0, config.pan_radius)
+}
+
+fn disc_pose(config: &PancakeConfig) -> Isometry3<f64> {
+    let below = Translation3::new(0.0, 0.0, -config.pan_thickness / 2.0);
+    Isometry3::from_parts(below, y_to_z())
+}
+
+/// The boxes of the rim and where they are in the pan.
+fn rim(config: &PancakeConfig) -> impl Iterator<Item = (Isometry3<f64>, SharedShape)> {
     // In the radial plane the rim rises along (sin, cos) and is thick along (cos, −sin).
     let (sin, cos) = config.rim_tilt.sin_cos();
     let (height, thickness) = (config.rim_height / 2.0, config.rim_thickness / 2.0);
@@ -44,16 +71,15 @@ pub fn insert_pan(
     let outer_radius = centre_radius + height * sin + thickness * cos;
     // Wide enough for neighbours to meet on the outside.
     let half_width = outer_radius * (TAU / 2.0 / config.rim_segments as f64).tan();
-    for segment in 0..config.rim_segments {
-        let angle = TAU * segment as f64 / config.rim_segments as f64;
+    let n = config.rim_segments;
+    let outward = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), config.rim_tilt);
+    (0..n).map(move |segment| {
+        let angle = TAU * segment as f64 / n as f64;
         let around = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), angle);
-        let outward = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), config.rim_tilt);
         let centre = around * Vector3::new(centre_radius, 0.0, centre_z);
-        insert(
-            ColliderBuilder::cuboid(thickness, half_width, height),
-            &Isometry3::from_parts(centre.into(), around * outward),
-        );
-    }
+        let X_PC = Isometry3::from_parts(centre.into(), around * outward);
+        (X_PC, SharedShape::cuboid(thickness, half_width, height))
+    })
 }
 
 /// Puts the pancake into the world with its centre and orientation at `X_WO`, at rest.

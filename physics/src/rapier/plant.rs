@@ -1,8 +1,5 @@
 //! A simulated world behind [`Plant`]: what all of them have in common.
 
-use rapier3d::prelude::PhysicsWorld;
-
-use super::RapierArm;
 use crate::arm::{ArmModel, JointVector};
 use crate::plant::{Measurement, ObjectState, Plant};
 
@@ -14,7 +11,8 @@ pub trait Scene: Send + Sized {
     fn new(model: &ArmModel, q0: &JointVector, config: &Self::Config) -> Self;
     /// Simulated time of one [`Scene::advance`], s.
     fn period_s(config: &Self::Config) -> f64;
-    fn arm(&self) -> (&PhysicsWorld, &RapierArm);
+    /// Positions and speeds of the joints, rad and rad/s.
+    fn joints(&self) -> (JointVector, JointVector);
     fn object(&self) -> ObjectState;
     /// Lets one period pass under the joint torques `tau`, N·m.
     fn advance(&mut self, model: &ArmModel, tau: &JointVector, config: &Self::Config);
@@ -59,10 +57,10 @@ impl<S: Scene> Plant for ScenePlant<S> {
     }
 
     fn measure(&self) -> Measurement {
-        let (world, arm) = self.scene.arm();
+        let (q, qd) = self.scene.joints();
         let (object, sample) = (self.scene.object(), self.sample);
         let t_ns = sample * (S::period_s(&self.config) * 1e9).round() as u64;
-        Measurement { q: arm.q(world), qd: arm.qd(world), object, sample, t_ns }
+        Measurement { q, qd, object, sample, t_ns }
     }
 
     fn apply(&mut self, tau: &JointVector) {

@@ -7,9 +7,71 @@ use std::path::{Path, PathBuf};
 
 use nalgebra::Isometry3;
 use physics::arm::{ArmModel, JointVector, kinematics};
-use physics::rapier::ContactSoftness;
+use physics::plant::Dynamics;
+use physics::rapier::{ContactSoftness, RapierArm, new_world};
+use physics::split::{Arm, Push};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
+use rapier3d::prelude::PhysicsWorld;
+
+/// Every test of a simulated arm is run on both.
+pub const BOTH: [Dynamics; 2] = [Dynamics::Multibody, Dynamics::Split];
+
+/// A simulated arm with nothing around it.
+pub struct LoneArm {
+    model: ArmModel,
+    dt: f64,
+    moves: Moves,
+}
+
+enum Moves {
+    Multibody { world: Box<PhysicsWorld>, arm: RapierArm },
+    Split(Arm),
+}
+
+impl LoneArm {
+    /// Stepped in periods of `dt` s, from `q` (rad) and `qd` (rad/s).
+    pub fn new(
+        dynamics: Dynamics,
+        model: &ArmModel,
+        dt: f64,
+        q: &JointVector,
+        qd: &JointVector,
+    ) -> LoneArm {
+        let moves = match dynamics {
+            Dynamics::Multibody => {
+                let mut world = Box::new(new_world(&model.gravity(), dt, 4, softness()));
+                let arm = RapierArm::insert(&mut world, model, q);
+                arm.set_state(&mut world, q, qd);
+                Moves::Multibody { world, arm }
+            }
+            Dynamics::Split => Moves::Split(Arm { q: *q, qd: *qd }),
+        };
+        LoneArm { model: model.clone(), dt, moves }
+    }
+
+    /// Positions and speeds, rad and rad/s.
+    pub fn state(&self) -> (JointVector, JointVector) {
+        match &self.moves {
+            Moves::Multibody { world, arm } => (arm.q(world), arm.qd(world)),
+            Moves::Split(arm) => (arm.q, arm.qd),
+        }
+    }
+
+    /// One period under the joint torques `tau`, N·m.
+    pub fn step(&mut self, tau: &JointVector) {
+        match &mut self.moves {
+            Moves::Multibody { world, arm } => {
+                arm.set_torques(world, tau);
+                world.step();
+            }
+            Moves::Split(arm) => {
+                let free = arm.free(&self.model, tau, self.dt);
+                arm.finish(&self.model, &free, &Push::none());
+            }
+        }
+    }
+}
 
 pub fn project_path(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path)
