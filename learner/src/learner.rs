@@ -7,6 +7,9 @@
 //!     let report = learner.complete(&policy, &header, &records)?; // durable, then acknowledge it
 //! }
 //! ```
+//!
+//! A trial and the proposal after it become durable in one transaction: a disk is waited for once a
+//! rollout.
 
 mod unexecuted;
 
@@ -28,7 +31,7 @@ use crate::parameters::PolicyIds;
 use crate::path::{PathRow, decimate};
 use crate::problem::Problem;
 use crate::replay::{Replayed, Told, replay, same_bits};
-use crate::store::{SessionMeta, Store, TrialRecord};
+use crate::store::{Event, SessionMeta, Step, Store, TrialRecord};
 use crate::summary::{Summary, TrialReport};
 use search::AskTell;
 use search::trial::Proposal;
@@ -125,7 +128,7 @@ impl Learner {
         if let Some((_, policy)) = &self.pending {
             return Ok(*policy);
         }
-        let (proposal, policy) = self.propose();
+        let (proposal, policy) = self.propose(self.durable_rollout() + 1);
         self.store.put_proposal(&proposal, &policy)?;
         self.pending = Some((proposal, policy));
         Ok(policy)
@@ -176,24 +179,28 @@ impl Learner {
             measures,
         };
         self.search.tell(&trial.trial())?;
-        self.record(trial, &decimate(records))
+        self.record(trial, &decimate(records), None)
     }
 
-    /// Makes a trial durable that the search knows.
+    /// Makes a trial durable that the search knows, and what the search proposes after it.
     fn record(
         &mut self,
         trial: TrialRecord,
         path: &[PathRow],
+        note: Option<&Event>,
     ) -> Result<TrialReport, CompleteError> {
-        let snapshot = self.search.snapshot(trial.rollout + 1);
-        if let Err(error) = self.store.record_trial(&trial, &snapshot, path) {
+        let following = trial.rollout + 1;
+        let search = self.search.snapshot(following);
+        let next = (following <= self.config.rollouts).then(|| self.propose(following));
+        let step = Step { trial: &trial, path, search: &search, next: next.as_ref(), note };
+        if let Err(error) = self.store.record_step(&step) {
             // What is not durable was not learnt.
             self.search = replay(&self.config, &self.problem, &self.trials, &mut |_| {})
                 .expect("these trials were reproduced before");
             self.search.ask(trial.rollout);
             return Err(CompleteError::Learner(error.into()));
         }
-        self.pending = None;
+        self.pending = next;
         let report = TrialReport {
             rollout: trial.rollout,
             reward: trial.reward,
@@ -261,8 +268,7 @@ impl Learner {
         PolicyIds { session: self.session_id(), rollout, policy_id }
     }
 
-    fn propose(&mut self) -> (Proposal, PolicyMsg) {
-        let rollout = self.trials.len() as u64 + 1;
+    fn propose(&mut self, rollout: u64) -> (Proposal, PolicyMsg) {
         let proposal = self.search.ask(rollout);
         let policy = self.problem.decode(&proposal.theta, self.ids(rollout, rollout));
         (proposal, policy)
@@ -270,7 +276,7 @@ impl Learner {
 
     /// The pending proposal again, and that it is what was stored before it was published.
     fn reproduce(&mut self, stored: &Proposal) -> Result<(Proposal, PolicyMsg), LearnerError> {
-        let (proposal, policy) = self.propose();
+        let (proposal, policy) = self.propose(self.durable_rollout() + 1);
         let same = proposal.rollout == stored.rollout
             && same_bits(&proposal.theta, &stored.theta)
             && self.store.policy(policy.policy_id)? == Some(policy);

@@ -239,6 +239,52 @@ fn a_trial_that_could_not_be_stored_was_not_learnt() {
     assert_eq!(learner.next_policy().unwrap(), reference.next_policy().unwrap());
 }
 
+/// A process that dies after the trial has left the next proposal, too: nobody has to ask for it.
+#[test]
+fn a_trial_is_stored_with_the_proposal_after_it() {
+    let directory = TempDir::new().unwrap();
+    let mut learner = create(directory.path(), config(3));
+    run(&mut learner, 20);
+    let pending = |learner: &Learner| learner.store().pending_proposal().unwrap();
+    assert_eq!(pending(&learner).map(|proposal| proposal.rollout), Some(21));
+    let policy = learner.next_policy().unwrap();
+    let (header, records) = execute(&policy);
+    // Another program put a row where the next proposal belongs.
+    let database = rusqlite::Connection::open(directory.path().join(SESSION_FILE)).unwrap();
+    database.execute_batch("INSERT INTO proposals VALUES (22, 0, x'')").unwrap();
+    let before = mode_policy(&mut learner);
+    learner.complete(&policy, &header, &records).expect_err("the row is taken");
+    learner.set_aside("neither").expect_err("the row is taken");
+    assert_eq!((learner.durable_rollout(), learner.store().trial_count().unwrap()), (20, 20));
+    assert_eq!((learner.next_policy().unwrap(), mode_policy(&mut learner)), (policy, before));
+    database.execute_batch("DELETE FROM proposals WHERE rollout = 22").unwrap();
+    learner.complete(&policy, &header, &records).expect("it can be stored now");
+    let events = learner.store().events().unwrap();
+    assert!(events.iter().all(|event| event.kind == "created"), "{events:?}");
+
+    let next = learner.store().policy(22).unwrap();
+    drop(learner);
+    let resume = |rollouts| {
+        let config = LearnerConfig { rollouts, ..config(3) };
+        Learner::resume(directory.path(), "pancake", &config, &[demonstration()], judge()).unwrap()
+    };
+    let mut learner = resume(23);
+    assert_eq!(Some(learner.next_policy().unwrap()), next);
+    run(&mut learner, 23);
+    assert!(learner.is_done() && pending(&learner).is_none(), "nothing after the last one");
+    drop(learner);
+    let mut learner = resume(25);
+    assert!(pending(&learner).is_none());
+    assert_eq!(learner.next_policy().unwrap().rollout, 24);
+    assert_eq!(pending(&learner).map(|proposal| proposal.rollout), Some(24));
+    run(&mut learner, 25);
+
+    let reference_directory = TempDir::new().unwrap();
+    let mut reference = create(reference_directory.path(), config(3));
+    run(&mut reference, 25);
+    assert_eq!(theta_bits(&learner), theta_bits(&reference));
+}
+
 #[test]
 fn a_rollout_set_aside_is_counted_and_not_learnt_and_the_session_resumes() {
     let directory = TempDir::new().unwrap();

@@ -7,7 +7,7 @@ use super::Learner;
 use crate::error::CompleteError;
 use crate::judge::JudgeError;
 use crate::path::decimate;
-use crate::store::TrialRecord;
+use crate::store::{Event, TrialRecord};
 use crate::summary::TrialReport;
 use search::trial::Proposal;
 
@@ -16,8 +16,8 @@ impl Learner {
     /// but not learnt, and the session goes on.
     pub fn set_aside(&mut self, reason: &str) -> Result<TrialReport, CompleteError> {
         let trial = TrialRecord { set_aside: true, ..self.not_executed()? };
-        self.note("set aside", trial.rollout, reason)?;
-        self.record(trial, &[])
+        let note = note("set aside", trial.rollout, reason);
+        self.record(trial, &[], Some(&note))
     }
 
     /// Gives up on the pending rollout, which was executed but has no verdict: its measures and its
@@ -42,8 +42,8 @@ impl Learner {
             ..self.not_executed()?
         };
         let records = header.validate(records)?;
-        self.note("not judged", trial.rollout, &error.to_string())?;
-        self.record(trial, &decimate(records))
+        let note = note("not judged", trial.rollout, &error.to_string());
+        self.record(trial, &decimate(records), Some(&note))
     }
 
     /// How many of the newest trials, without a break, were set aside.
@@ -58,9 +58,9 @@ impl Learner {
         let rewards = self.trials.iter().filter(|trial| !trial.set_aside).map(|trial| trial.reward);
         let reward = rewards.fold(0.0, f64::min);
         let trial = TrialRecord { fault: FAULT_POLICY_REFUSED, reward, ..self.not_executed()? };
-        self.note("refused", trial.rollout, reason)?;
+        let note = note("refused", trial.rollout, reason);
         self.search.tell(&trial.trial())?;
-        self.record(trial, &[])
+        self.record(trial, &[], Some(&note))
     }
 
     /// The trial of the pending proposal when nothing was executed.
@@ -84,12 +84,6 @@ impl Learner {
         })
     }
 
-    /// Into the session's diary.
-    fn note(&mut self, kind: &str, rollout: u64, reason: &str) -> Result<(), CompleteError> {
-        let noted = self.store.record_event(kind, &format!("rollout {rollout}: {reason}"));
-        noted.map_err(|error| CompleteError::Learner(error.into()))
-    }
-
     /// The pending proposal is where the search starts: the demonstration, without exploration.
     pub fn asks_for_the_start(&self) -> bool {
         let starts = |(proposal, _): &(Proposal, _)| self.problem.starts_at(&proposal.theta);
@@ -101,4 +95,9 @@ impl Learner {
         let trials = self.trials.iter().rev();
         trials.take_while(|trial| trial.fault == FAULT_POLICY_REFUSED).count() as u64
     }
+}
+
+/// For the session's diary.
+fn note(kind: &str, rollout: u64, reason: &str) -> Event {
+    Event { kind: kind.into(), text: format!("rollout {rollout}: {reason}") }
 }

@@ -20,12 +20,10 @@ use shm_types::policy::PolicyMsg;
 use copy::{SecondCopy, copy_path};
 pub use error::StoreError;
 pub use meta::SessionMeta;
-pub use rows::{Event, PolicyKind, TrialRecord};
-use rows::{blob, insert_policy, insert_trial, signed};
+pub use rows::{Event, PolicyKind, Step, TrialRecord};
+use rows::{blob, insert_event, insert_policy, insert_proposal, insert_trial, signed};
 use seal::Seals;
 
-use crate::path::PathRow;
-use search::SearchSnapshot;
 use search::trial::Proposal;
 use shm_types::policy_json;
 
@@ -165,25 +163,17 @@ impl Store {
         policy: &PolicyMsg,
     ) -> Result<(), StoreError> {
         let text = self.policy_text(policy)?;
-        self.transaction(|transaction| {
-            insert_policy(transaction, PolicyKind::Trial, policy, &text)?;
-            transaction.execute(
-                "INSERT INTO proposals (rollout, theta) VALUES (?1, ?2)",
-                params![signed(proposal.rollout), blob(&proposal.theta)],
-            )?;
-            Ok(())
-        })
+        self.transaction(|transaction| insert_proposal(transaction, proposal, policy, &text))
     }
 
-    /// Writes a trial, its path, the state of the search after it and the acknowledgement it
-    /// allows, in one transaction.
-    pub fn record_trial(
-        &mut self,
-        trial: &TrialRecord,
-        search: &SearchSnapshot,
-        path: &[PathRow],
-    ) -> Result<(), StoreError> {
+    /// Writes what a rollout adds in one transaction, with the acknowledgement that it allows.
+    pub fn record_step(&mut self, step: &Step<'_>) -> Result<(), StoreError> {
+        let Step { trial, path, search, next, note } = step;
+        let next_text = next.map(|(_, policy)| self.policy_text(policy)).transpose()?;
         self.transaction(|transaction| {
+            if let Some(note) = note {
+                insert_event(transaction, note)?;
+            }
             insert_trial(transaction, trial, path)?;
             transaction.execute(
                 "INSERT INTO searches (rollout, mean, std, floor) VALUES (?1, ?2, ?3, ?4)",
@@ -193,16 +183,17 @@ impl Store {
                 "INSERT OR REPLACE INTO meta (key, value) VALUES ('durable_rollout', ?1)",
                 [trial.rollout.to_string()],
             )?;
+            if let (Some((proposal, policy)), Some(text)) = (next, &next_text) {
+                insert_proposal(transaction, proposal, policy, text)?;
+            }
             Ok(())
         })
     }
 
     /// Appends to the session's diary.
     pub fn record_event(&mut self, kind: &str, text: &str) -> Result<(), StoreError> {
-        self.transaction(|transaction| {
-            transaction.execute("INSERT INTO events (kind, text) VALUES (?1, ?2)", [kind, text])?;
-            Ok(())
-        })
+        let event = Event { kind: kind.into(), text: text.into() };
+        self.transaction(|transaction| insert_event(transaction, &event))
     }
 
     /// That the file holds something no program of this format wrote.

@@ -7,7 +7,8 @@ use shm_types::measures::Measures;
 use shm_types::policy::PolicyMsg;
 
 use crate::path::{self, PathRow};
-use search::trial::Trial;
+use search::SearchSnapshot;
+use search::trial::{Proposal, Trial};
 
 /// Where a policy comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -83,6 +84,19 @@ pub struct Event {
     pub text: String,
 }
 
+/// What a rollout adds to a session.
+#[derive(Clone, Copy)]
+pub struct Step<'a> {
+    pub trial: &'a TrialRecord,
+    pub path: &'a [PathRow],
+    /// State of the search after it.
+    pub search: &'a SearchSnapshot,
+    /// The next proposal with its policy, unless the session is done.
+    pub next: Option<&'a (Proposal, PolicyMsg)>,
+    /// What the diary says of it.
+    pub note: Option<&'a Event>,
+}
+
 /// Columns of `trials` in the order [`trial_from_row`] reads them.
 pub(super) const TRIAL_COLUMNS: &str = "rollout, theta, reward, policy_id, policy_digest, boot_id, \
      applied_tick, fault, n_records, set_aside, success";
@@ -133,6 +147,26 @@ pub(super) fn insert_policy(
             text
         ],
     )?;
+    Ok(())
+}
+
+pub(super) fn insert_proposal(
+    transaction: &Transaction<'_>,
+    proposal: &Proposal,
+    policy: &PolicyMsg,
+    text: &str,
+) -> rusqlite::Result<()> {
+    insert_policy(transaction, PolicyKind::Trial, policy, text)?;
+    transaction.execute(
+        "INSERT INTO proposals (rollout, theta) VALUES (?1, ?2)",
+        params![signed(proposal.rollout), blob(&proposal.theta)],
+    )?;
+    Ok(())
+}
+
+pub(super) fn insert_event(transaction: &Transaction<'_>, event: &Event) -> rusqlite::Result<()> {
+    let query = "INSERT INTO events (kind, text) VALUES (?1, ?2)";
+    transaction.execute(query, [&event.kind, &event.text])?;
     Ok(())
 }
 

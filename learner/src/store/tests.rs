@@ -7,7 +7,8 @@ use tempfile::TempDir;
 
 use super::*;
 use crate::config::LearnerConfig;
-use crate::path::decimate;
+use crate::path::{PathRow, decimate};
+use search::SearchSnapshot;
 
 fn meta() -> SessionMeta {
     SessionMeta {
@@ -69,6 +70,19 @@ pub(super) fn session(directory: &TempDir) -> (PathBuf, Store) {
     (path, store)
 }
 
+/// Stores the trial `rollout`; with a note and the proposal `next`, if there is one.
+pub(super) fn store_trial(
+    store: &mut Store,
+    rollout: u64,
+    next: Option<u64>,
+) -> Result<(), StoreError> {
+    let (trial, path, search) = (record(rollout), rows(), snapshot());
+    let next = next.map(|rollout| (proposal(rollout), policy(rollout)));
+    let note = Event { kind: "noted".into(), text: format!("rollout {rollout}") };
+    let (trial, path, search, next) = (&trial, &path, &search, next.as_ref());
+    store.record_step(&Step { trial, path, search, next, note: next.map(|_| &note) })
+}
+
 fn refusal(path: &Path) -> String {
     match Store::open(path) {
         Ok(_) => panic!("{path:?} must be refused"),
@@ -84,7 +98,7 @@ fn everything_comes_back_bit_for_bit_after_reopening() {
     for rollout in 1..=2 {
         store.put_proposal(&proposal(rollout), &policy(rollout)).unwrap();
         assert_eq!(store.pending_proposal().unwrap(), Some(proposal(rollout)));
-        store.record_trial(&record(rollout), &snapshot(), &rows()).unwrap();
+        store_trial(&mut store, rollout, None).unwrap();
         assert_eq!(store.pending_proposal().unwrap(), None);
     }
     store.record_event("created", "with seed 3").unwrap();
@@ -113,19 +127,46 @@ fn a_failed_write_leaves_nothing_behind() {
     store.connection.execute_batch("PRAGMA foreign_keys = OFF").unwrap();
     let blocker = "INSERT INTO searches VALUES (1, 0, x'', x'', 0)";
     store.connection.execute_batch(blocker).unwrap();
-    assert!(store.record_trial(&record(1), &snapshot(), &rows()).is_err());
+    assert!(store_trial(&mut store, 1, None).is_err());
     assert_eq!((store.trial_count().unwrap(), store.durable_rollout().unwrap()), (0, 0));
     assert_eq!(store.pending_proposal().unwrap(), Some(proposal(1)));
+}
+
+#[test]
+fn a_trial_its_note_and_the_next_proposal_are_stored_together_or_not_at_all() {
+    let directory = TempDir::new().unwrap();
+    let (path, mut store) = session(&directory);
+    store.put_proposal(&proposal(1), &policy(1)).unwrap();
+    // The last statement fails: the proposal's policy is there already.
+    store.put_policy(PolicyKind::Mode, &policy(2)).unwrap();
+    assert!(store_trial(&mut store, 1, Some(2)).is_err());
+    for file in [path.clone(), copy_path(&path)] {
+        let there = Store::open(&file).unwrap();
+        assert_eq!((there.trial_count().unwrap(), there.durable_rollout().unwrap()), (0, 0));
+        assert_eq!(there.pending_proposal().unwrap(), Some(proposal(1)));
+        assert_eq!((there.events().unwrap(), there.searches().unwrap()), (vec![], vec![]));
+    }
+    store_trial(&mut store, 1, Some(3)).unwrap();
+    for file in [path.clone(), copy_path(&path)] {
+        let there = Store::open(&file).unwrap();
+        assert_eq!(
+            (there.trials().unwrap(), there.durable_rollout().unwrap()),
+            (vec![record(1)], 1)
+        );
+        assert_eq!(there.pending_proposal().unwrap(), Some(proposal(3)));
+        assert_eq!(there.policy(3).unwrap(), Some(policy(3)));
+        assert_eq!(there.events().unwrap()[0].text, "rollout 1");
+    }
 }
 
 #[test]
 fn a_trial_is_stored_once_and_only_for_a_proposal() {
     let directory = TempDir::new().unwrap();
     let (_, mut store) = session(&directory);
-    assert!(store.record_trial(&record(1), &snapshot(), &[]).is_err());
+    assert!(store_trial(&mut store, 1, None).is_err());
     store.put_proposal(&proposal(1), &policy(1)).unwrap();
-    store.record_trial(&record(1), &snapshot(), &[]).unwrap();
-    assert!(store.record_trial(&record(1), &snapshot(), &[]).is_err());
+    store_trial(&mut store, 1, None).unwrap();
+    assert!(store_trial(&mut store, 1, None).is_err());
     assert_eq!(store.trial_count().unwrap(), 1);
 }
 
@@ -190,7 +231,7 @@ fn refuses_damaged_files() {
     let directory = TempDir::new().unwrap();
     let (path, mut store) = session(&directory);
     store.put_proposal(&proposal(1), &policy(1)).unwrap();
-    store.record_trial(&record(1), &snapshot(), &rows()).unwrap();
+    store_trial(&mut store, 1, None).unwrap();
     let damage = |sql: &str| store.connection.execute_batch(sql).unwrap();
     damage("UPDATE trials SET theta = x'00'");
     assert!(store.trials().unwrap_err().to_string().contains("trial 1: theta"));

@@ -5,7 +5,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use tempfile::TempDir;
 
-use super::super::tests::{policy, proposal, record, rows, session, snapshot};
+use super::super::tests::{policy, proposal, record, rows, session, store_trial};
 use super::*;
 
 const TRIALS: u64 = 12;
@@ -15,7 +15,7 @@ fn stored(directory: &TempDir) -> PathBuf {
     let (path, mut store) = session(directory);
     for rollout in 1..=TRIALS {
         store.put_proposal(&proposal(rollout), &policy(rollout)).unwrap();
-        store.record_trial(&record(rollout), &snapshot(), &rows()).unwrap();
+        store_trial(&mut store, rollout, None).unwrap();
     }
     store.put_proposal(&proposal(TRIALS + 1), &policy(TRIALS + 1)).unwrap();
     path
