@@ -2,6 +2,9 @@
 //!
 //! Everything is written to the session first, then to the copy. Whoever goes on with a session takes
 //! the sound one of the two, or, of two sound ones, the one that knows more, and makes the other anew.
+//!
+//! Only the session waits for the disk. The copy survives whatever a process dies of; after a power cut
+//! it is whole and may be behind.
 
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
@@ -36,7 +39,8 @@ impl SecondCopy {
         let same = |there: &Connection| {
             seal::contents(there).ok() == seal::contents(&store.connection).ok()
         };
-        copy.connection = sound.filter(same).filter(|there| seal::index(there).is_ok());
+        let ready = |there: &Connection| seal::index(there).and_then(|()| without_waiting(there));
+        copy.connection = sound.filter(same).filter(|there| ready(there).is_ok());
         copy.catch_up(&store.connection);
         copy
     }
@@ -163,7 +167,14 @@ pub(super) fn replace(from: &Connection, to: &Path) -> rusqlite::Result<()> {
 }
 
 fn open(path: &Path) -> rusqlite::Result<Connection> {
-    connect(path, writable())
+    let connection = connect(path, writable())?;
+    without_waiting(&connection)?;
+    Ok(connection)
+}
+
+/// Commits stay in their order; they are on disk when the kernel has put them there.
+fn without_waiting(connection: &Connection) -> rusqlite::Result<()> {
+    connection.pragma_update(None, "synchronous", "NORMAL")
 }
 
 fn writable() -> OpenFlags {

@@ -133,3 +133,34 @@ fn a_copy_that_cannot_be_written_is_made_anew_later() {
     let copied = Store::open(&copy_path(&path)).unwrap().events().unwrap();
     assert_eq!(copied, store.events().unwrap());
 }
+
+#[test]
+fn only_the_session_waits_for_the_disk() {
+    let directory = TempDir::new().unwrap();
+    let path = stored(&directory);
+    let synchronous = |connection: &Connection| -> i64 {
+        connection.pragma_query_value(None, "synchronous", |row| row.get(0)).unwrap()
+    };
+    // A copy that is taken up, and one that is made anew.
+    for _ in 0..2 {
+        let store = Store::resume(&path).unwrap();
+        let copy = store.copy.as_ref().unwrap().connection.as_ref().unwrap();
+        assert_eq!((synchronous(&store.connection), synchronous(copy)), (2, 1));
+        drop(store);
+        fs::remove_file(copy_path(&path)).unwrap();
+    }
+}
+
+/// As a power cut may leave it.
+#[test]
+fn a_copy_that_is_behind_catches_up() {
+    let directory = TempDir::new().unwrap();
+    let path = stored(&directory);
+    let younger = TempDir::new().unwrap();
+    let (behind, store) = session(&younger);
+    drop(store);
+    fs::copy(&behind, copy_path(&path)).unwrap();
+    assert!(!is_restored(&expect_all(&path, "a copy behind")));
+    fs::remove_file(&path).unwrap();
+    assert!(is_restored(&expect_all(&path, "from the copy")));
+}
