@@ -40,8 +40,8 @@ use crate::rings::{ExchangeEnds, Swap};
 use crate::summary::RunSummary;
 
 const POLL: Duration = Duration::from_micros(200);
-/// Rounds without work before the thread sleeps: what comes in bursts is answered at once.
-const EAGER_ROUNDS: u32 = 20;
+/// How long after work the thread does not sleep: what comes in bursts is answered at once.
+const EAGER: Duration = Duration::from_micros(300);
 const BEAT: Duration = Duration::from_millis(100);
 const HOUSEKEEPING: Duration = Duration::from_secs(1);
 /// Dead processes that the transport may fail to clear away; a service has 20 places.
@@ -150,7 +150,7 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
     pub fn run(&mut self, stop: &AtomicBool, rt_ended: impl Fn() -> bool) -> RunSummary {
         let mut next_beat = Instant::now();
         let mut next_housekeeping = Instant::now() + HOUSEKEEPING;
-        let mut idle_rounds = 0;
+        let mut worked = Instant::now();
         while !stop.load(Ordering::Relaxed) && !rt_ended() {
             self.active = false;
             self.report.drain(&self.ports);
@@ -186,8 +186,8 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
                 notify(if self.stalls.is_ticking() { &[Notice::Watchdog] } else { &[] });
                 self.link.look(&self.ports);
             }
-            idle_rounds = if self.active { 0 } else { idle_rounds + 1 };
-            match idle_rounds < EAGER_ROUNDS {
+            worked = if self.active { now } else { worked };
+            match now - worked < EAGER {
                 true => std::thread::yield_now(),
                 false => std::thread::sleep(POLL),
             }
