@@ -7,7 +7,7 @@ use shm_types::episode::FAULT_POLICY_REFUSED;
 
 use super::copy::replace;
 use super::rows::signed;
-use super::seal::{self, Seals};
+use super::seal;
 use super::{APPLICATION_ID, FORMAT_VERSION, StoreError, meta};
 use crate::judge::Declared;
 
@@ -95,9 +95,7 @@ fn convert(transaction: &Transaction<'_>, kept: &Path) -> rusqlite::Result<Optio
     transaction.execute(query, [meta::measures_text(&declared)])?;
     let text = format!("from format {FORMAT}; as it was: {}", kept.display());
     transaction.execute("INSERT INTO events (kind, text) VALUES ('converted', ?1)", [&text])?;
-    seal::index(transaction)?;
-    transaction.execute("UPDATE trials SET seal = NULL", [])?;
-    Seals::default().seal(transaction)?;
+    seal::seal_all(transaction)?;
     transaction.pragma_update(None, "user_version", FORMAT_VERSION)?;
     Ok(None)
 }

@@ -13,7 +13,7 @@ use std::time::Duration;
 use rusqlite::backup::Backup;
 use rusqlite::{Connection, OpenFlags, Transaction};
 
-use super::seal::{self, Seals};
+use super::seal;
 use super::{Store, StoreError, connect};
 
 /// Pages a step; all of them in one go.
@@ -39,8 +39,7 @@ impl SecondCopy {
         let same = |there: &Connection| {
             seal::contents(there).ok() == seal::contents(&store.connection).ok()
         };
-        let ready = |there: &Connection| seal::index(there).and_then(|()| without_waiting(there));
-        copy.connection = sound.filter(same).filter(|there| ready(there).is_ok());
+        copy.connection = sound.filter(same).filter(|there| without_waiting(there).is_ok());
         copy.catch_up(&store.connection);
         copy
     }
@@ -50,12 +49,11 @@ impl SecondCopy {
     pub fn repeat(
         &mut self,
         session: &Connection,
-        seals: &Seals,
         write: &dyn Fn(&Transaction<'_>) -> rusqlite::Result<()>,
     ) {
         match &mut self.connection {
             Some(connection) => {
-                if let Err(error) = commit(connection, seals, write) {
+                if let Err(error) = commit(connection, write) {
                     self.lag(&error);
                 }
             }
@@ -81,15 +79,13 @@ impl SecondCopy {
     }
 }
 
-/// Writes, seals what was written, commits.
+/// Writes and commits.
 pub(super) fn commit(
     connection: &mut Connection,
-    seals: &Seals,
     write: &dyn Fn(&Transaction<'_>) -> rusqlite::Result<()>,
 ) -> rusqlite::Result<()> {
     let transaction = connection.transaction()?;
     write(&transaction)?;
-    seals.seal(&transaction)?;
     transaction.commit()
 }
 
@@ -168,6 +164,7 @@ pub(super) fn replace(from: &Connection, to: &Path) -> rusqlite::Result<()> {
 
 fn open(path: &Path) -> rusqlite::Result<Connection> {
     let connection = connect(path, writable())?;
+    seal::seal_inserts(&connection)?;
     without_waiting(&connection)?;
     Ok(connection)
 }

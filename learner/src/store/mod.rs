@@ -22,7 +22,6 @@ pub use error::StoreError;
 pub use meta::SessionMeta;
 pub use rows::{Event, PolicyKind, Step, TrialRecord};
 use rows::{blob, insert_event, insert_policy, insert_proposal, insert_trial, signed};
-use seal::Seals;
 
 use search::trial::Proposal;
 use shm_types::policy_json;
@@ -39,7 +38,6 @@ pub struct Store {
     connection: Connection,
     path: PathBuf,
     meta: SessionMeta,
-    seals: Seals,
     /// Of a session that is gone on with.
     copy: Option<SecondCopy>,
 }
@@ -77,7 +75,7 @@ impl Store {
         let text = store.policy_text(initial)?;
         store.transaction(|transaction| {
             transaction.execute_batch(include_str!("schema.sql"))?;
-            seal::index(transaction)?;
+            seal::seal_inserts(transaction)?;
             meta::write(transaction, &meta)?;
             insert_policy(transaction, PolicyKind::Initial, initial, &text)?;
             transaction.pragma_update(None, "user_version", FORMAT_VERSION)?;
@@ -95,7 +93,6 @@ impl Store {
     /// from its second copy.
     pub fn resume(path: &Path) -> Result<Self, StoreError> {
         let mut store = copy::open_better(path)?;
-        store.sql(seal::index(&store.connection))?;
         store.copy = Some(SecondCopy::of(&store));
         Ok(store)
     }
@@ -129,12 +126,13 @@ impl Store {
         if let Some(detail) = seal::find_damage(&connection).map_err(sql)? {
             return Err(StoreError::Corrupt { path: path.into(), detail });
         }
+        seal::seal_inserts(&connection).map_err(sql)?;
         let meta = meta::read(&connection, path)?;
         Ok(Store::of(connection, path, meta))
     }
 
     fn of(connection: Connection, path: &Path, meta: SessionMeta) -> Self {
-        Store { connection, path: path.into(), meta, seals: Seals::default(), copy: None }
+        Store { connection, path: path.into(), meta, copy: None }
     }
 
     /// That this is a session of `task`.
@@ -215,10 +213,10 @@ impl Store {
         &mut self,
         write: impl Fn(&Transaction<'_>) -> rusqlite::Result<()>,
     ) -> Result<(), StoreError> {
-        let committed = copy::commit(&mut self.connection, &self.seals, &write);
+        let committed = copy::commit(&mut self.connection, &write);
         committed.map_err(|error| StoreError::from_sql(&self.path, error))?;
         if let Some(copy) = &mut self.copy {
-            copy.repeat(&self.connection, &self.seals, &write);
+            copy.repeat(&self.connection, &write);
         }
         Ok(())
     }

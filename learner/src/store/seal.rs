@@ -1,10 +1,8 @@
 //! A digest in every row, so that damage inside a value is seen: SQLite's own checks see that of pages.
 
-use std::cell::OnceCell;
-
+use rusqlite::Connection;
 use rusqlite::functions::FunctionFlags;
 use rusqlite::types::ValueRef;
-use rusqlite::{Connection, Transaction};
 use shm_types::Digest;
 
 /// Every table; each has a column `seal` over all its others.
@@ -43,40 +41,26 @@ fn sized(digest: Digest, bytes: &[u8]) -> Digest {
     digest.bytes(&bytes.len().to_le_bytes()).bytes(bytes)
 }
 
-/// Lets rows without a seal be found without looking at the others. Sessions of older programs have
-/// no such index until they are gone on with.
-pub(super) fn index(connection: &Connection) -> rusqlite::Result<()> {
-    let index = |table| {
-        format!("CREATE INDEX IF NOT EXISTS unsealed_{table} ON {table} (seal) WHERE seal IS NULL;")
-    };
-    connection.execute_batch(&TABLES.map(index).concat())
+/// Has every row sealed that this connection inserts, in the same transaction.
+pub(super) fn seal_inserts(connection: &Connection) -> rusqlite::Result<()> {
+    for table in TABLES {
+        let update = update(connection, table)?;
+        connection.execute_batch(&format!(
+            "CREATE TEMP TRIGGER seal_{table} AFTER INSERT ON main.{table} \
+             BEGIN {update} WHERE rowid = NEW.rowid; END"
+        ))?;
+    }
+    Ok(())
 }
 
-/// What seals the rows of each table. The names of the columns are asked of SQLite once, when the
-/// tables are there.
-#[derive(Default)]
-pub(super) struct Seals(OnceCell<Vec<String>>);
+/// Seals every row as it is now.
+pub(super) fn seal_all(connection: &Connection) -> rusqlite::Result<()> {
+    TABLES.iter().try_for_each(|table| connection.execute_batch(&update(connection, table)?))
+}
 
-impl Seals {
-    /// Seals the rows that a transaction has written.
-    pub fn seal(&self, transaction: &Transaction<'_>) -> rusqlite::Result<()> {
-        for update in self.updates(transaction)? {
-            transaction.prepare_cached(update)?.execute([])?;
-        }
-        Ok(())
-    }
-
-    fn updates(&self, connection: &Connection) -> rusqlite::Result<&[String]> {
-        if let Some(updates) = self.0.get() {
-            return Ok(updates);
-        }
-        let update = |table| {
-            let columns = columns(connection, table)?;
-            Ok(format!("UPDATE {table} SET seal = row_digest({columns}) WHERE seal IS NULL"))
-        };
-        let updates = TABLES.into_iter().map(update).collect::<rusqlite::Result<Vec<_>>>()?;
-        Ok(self.0.get_or_init(|| updates))
-    }
+fn update(connection: &Connection, table: &str) -> rusqlite::Result<String> {
+    let columns = columns(connection, table)?;
+    Ok(format!("UPDATE {table} SET seal = row_digest({columns})"))
 }
 
 /// The first table with a row that is not as it was written, and how many there are.
@@ -117,25 +101,22 @@ mod tests {
     use super::*;
 
     #[test]
-    fn unsealed_rows_are_found_without_a_scan() {
+    fn a_row_is_sealed_when_it_is_inserted_and_only_there() {
         let connection = Connection::open_in_memory().unwrap();
         teach(&connection).unwrap();
         connection.execute_batch(include_str!("schema.sql")).unwrap();
-        let plans = |connection: &Connection| -> Vec<String> {
-            let seals = Seals::default();
-            let plan = |update: &String| {
-                let sql = format!("EXPLAIN QUERY PLAN {update}");
-                connection.query_row(&sql, [], |row| row.get(3)).unwrap()
-            };
-            seals.updates(connection).unwrap().iter().map(plan).collect()
-        };
-        assert!(plans(&connection).iter().all(|plan| plan.starts_with("SCAN")));
-        index(&connection).unwrap();
-        let plans = plans(&connection);
-        assert!(
-            plans.iter().all(|plan| plan.contains("USING") && plan.contains("unsealed_")),
-            "{plans:?}"
-        );
-        index(&connection).unwrap();
+        seal_inserts(&connection).unwrap();
+        let insert = "INSERT OR REPLACE INTO meta (key, value) VALUES (?1, ?2)";
+        for (key, value) in [("a", "1"), ("b", "2"), ("a", "3")] {
+            connection.execute(insert, [key, value]).unwrap();
+        }
+        assert_eq!(find_damage(&connection).unwrap(), None);
+        let before = contents(&connection).unwrap();
+        connection.execute_batch("UPDATE meta SET value = '4' WHERE key = 'a'").unwrap();
+        let damage = find_damage(&connection).unwrap().unwrap();
+        assert!(damage.contains("1 rows of `meta`"), "{damage}");
+        seal_all(&connection).unwrap();
+        assert_eq!(find_damage(&connection).unwrap(), None);
+        assert_ne!(contents(&connection).unwrap(), before);
     }
 }
