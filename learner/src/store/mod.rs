@@ -14,14 +14,14 @@ mod seal;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use rusqlite::{Connection, OpenFlags, Transaction, params};
+use rusqlite::{Connection, OpenFlags, Transaction};
 use shm_types::policy::PolicyMsg;
 
 use copy::{SecondCopy, copy_path};
 pub use error::StoreError;
 pub use meta::SessionMeta;
 pub use rows::{Event, PolicyKind, Step, TrialRecord};
-use rows::{blob, insert_event, insert_policy, insert_proposal, insert_trial, signed};
+use rows::{insert_event, insert_policy, insert_proposal, insert_search, insert_trial};
 
 use search::trial::Proposal;
 use shm_types::policy_json;
@@ -173,14 +173,9 @@ impl Store {
                 insert_event(transaction, note)?;
             }
             insert_trial(transaction, trial, path)?;
-            transaction.execute(
-                "INSERT INTO searches (rollout, mean, std, floor) VALUES (?1, ?2, ?3, ?4)",
-                params![signed(trial.rollout), blob(&search.mean), blob(&search.std), search.floor],
-            )?;
-            transaction.execute(
-                "INSERT OR REPLACE INTO meta (key, value) VALUES ('durable_rollout', ?1)",
-                [trial.rollout.to_string()],
-            )?;
+            insert_search(transaction, trial.rollout, search)?;
+            let query = "INSERT OR REPLACE INTO meta (key, value) VALUES ('durable_rollout', ?1)";
+            transaction.prepare_cached(query)?.execute([trial.rollout.to_string()])?;
             if let (Some((proposal, policy)), Some(text)) = (next, &next_text) {
                 insert_proposal(transaction, proposal, policy, text)?;
             }

@@ -136,17 +136,11 @@ pub(super) fn insert_policy(
     policy: &PolicyMsg,
     text: &str,
 ) -> rusqlite::Result<()> {
-    transaction.execute(
-        "INSERT INTO policies (policy_id, kind, rollout, digest, message) \
-         VALUES (?1, ?2, ?3, ?4, ?5)",
-        params![
-            signed(policy.policy_id),
-            kind.name(),
-            signed(policy.rollout),
-            hex(policy.digest),
-            text
-        ],
-    )?;
+    let query = "INSERT INTO policies (policy_id, kind, rollout, digest, message) \
+                 VALUES (?1, ?2, ?3, ?4, ?5)";
+    let PolicyMsg { policy_id, rollout, digest, .. } = *policy;
+    let row = params![signed(policy_id), kind.name(), signed(rollout), hex(digest), text];
+    transaction.prepare_cached(query)?.execute(row)?;
     Ok(())
 }
 
@@ -157,10 +151,20 @@ pub(super) fn insert_proposal(
     text: &str,
 ) -> rusqlite::Result<()> {
     insert_policy(transaction, PolicyKind::Trial, policy, text)?;
-    transaction.execute(
-        "INSERT INTO proposals (rollout, theta) VALUES (?1, ?2)",
-        params![signed(proposal.rollout), blob(&proposal.theta)],
-    )?;
+    let query = "INSERT INTO proposals (rollout, theta) VALUES (?1, ?2)";
+    let row = params![signed(proposal.rollout), blob(&proposal.theta)];
+    transaction.prepare_cached(query)?.execute(row)?;
+    Ok(())
+}
+
+pub(super) fn insert_search(
+    transaction: &Transaction<'_>,
+    rollout: u64,
+    search: &SearchSnapshot,
+) -> rusqlite::Result<()> {
+    let query = "INSERT INTO searches (rollout, mean, std, floor) VALUES (?1, ?2, ?3, ?4)";
+    let row = params![signed(rollout), blob(&search.mean), blob(&search.std), search.floor];
+    transaction.prepare_cached(query)?.execute(row)?;
     Ok(())
 }
 
@@ -179,23 +183,20 @@ pub(super) fn insert_trial(
         "INSERT INTO trials ({TRIAL_COLUMNS}, path) VALUES (:rollout, :theta, :reward, :policy_id, \
          :policy_digest, :boot_id, :applied_tick, :fault, :n_records, :set_aside, :success, :path)"
     );
-    transaction.execute(
-        &query,
-        named_params! {
-            ":rollout": signed(trial.rollout),
-            ":theta": blob(&trial.theta),
-            ":reward": trial.reward,
-            ":policy_id": signed(trial.policy_id),
-            ":policy_digest": hex(trial.policy_digest),
-            ":boot_id": hex(trial.boot_id),
-            ":applied_tick": signed(trial.applied_tick),
-            ":fault": signed(trial.fault),
-            ":n_records": signed(trial.n_records),
-            ":set_aside": trial.set_aside,
-            ":success": trial.success,
-            ":path": path::encode(path),
-        },
-    )?;
+    transaction.prepare_cached(&query)?.execute(named_params! {
+        ":rollout": signed(trial.rollout),
+        ":theta": blob(&trial.theta),
+        ":reward": trial.reward,
+        ":policy_id": signed(trial.policy_id),
+        ":policy_digest": hex(trial.policy_digest),
+        ":boot_id": hex(trial.boot_id),
+        ":applied_tick": signed(trial.applied_tick),
+        ":fault": signed(trial.fault),
+        ":n_records": signed(trial.n_records),
+        ":set_aside": trial.set_aside,
+        ":success": trial.success,
+        ":path": path::encode(path),
+    })?;
     let query = "INSERT INTO measures (rollout, name, value) VALUES (?1, ?2, ?3)";
     let mut statement = transaction.prepare_cached(query)?;
     for measure in trial.measures.iter() {
