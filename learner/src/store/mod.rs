@@ -30,6 +30,10 @@ use shm_types::policy_json;
 pub const FORMAT_VERSION: i64 = 4;
 /// "SKLT" in the file's header: how `file` and [`Store::open`] recognise a session.
 const APPLICATION_ID: i64 = 0x534b_4c54;
+/// Pages of changes after which they are moved into the file. That waits for the disk thrice, so it is to be
+/// rare: about once in two hundred rollouts of the pancake. The log takes 16 MB of the disk, and a
+/// process that is killed leaves it to be read by the next.
+const CHECKPOINT_PAGES: i64 = 4000;
 /// How long to wait for another program's short transaction.
 const BUSY_TIMEOUT: Duration = Duration::from_secs(5);
 
@@ -222,6 +226,7 @@ fn connect(path: &Path, flags: OpenFlags) -> rusqlite::Result<Connection> {
     let connection = Connection::open_with_flags(path, flags)?;
     connection.busy_timeout(BUSY_TIMEOUT)?;
     connection.pragma_update(None, "synchronous", "FULL")?;
+    connection.pragma_update(None, "wal_autocheckpoint", CHECKPOINT_PAGES)?;
     connection.pragma_update(None, "foreign_keys", "ON")?;
     seal::teach(&connection)?;
     Ok(connection)
