@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use learner::LearnerConfig;
+use learner::compliance::ComplianceConfig;
 use physics::skittles;
 use rt_controller::ControllerConfig;
 use serde::{Deserialize, Serialize};
@@ -13,7 +14,7 @@ use serde::{Deserialize, Serialize};
 #[path = "config/plant.rs"] // also where the fuzzer takes this file from here
 pub mod plant;
 
-pub use plant::PlantConfig;
+pub use plant::{DynamicsKind, PlantConfig};
 
 /// The defaults of a task, by its name and what was chosen of its options.
 pub type Defaults = fn(&str, BTreeMap<String, String>) -> Config;
@@ -122,6 +123,9 @@ impl Default for LogConfig {
     }
 }
 
+/// The configuration within a session's folder.
+pub const SESSION_FILE: &str = "session.toml";
+
 impl Config {
     /// Reads `path`; what the file does not say is what `of` gives for its task and options. Relative
     /// paths inside are relative to the file.
@@ -129,8 +133,11 @@ impl Config {
         let text = std::fs::read_to_string(path).with_context(|| {
             format!("{}: cannot read the configuration; check the path", path.display())
         })?;
-        let mut config = parse(&text, of)
-            .with_context(|| format!("{}: not a valid configuration", path.display()))?;
+        // A session's own file is complete: what an older one does not say was not there to be chosen.
+        let is_complete = path.file_name().is_some_and(|name| name == SESSION_FILE);
+        let parsed = if is_complete { toml::from_str(&text) } else { parse(&text, of) };
+        let mut config =
+            parsed.with_context(|| format!("{}: not a valid configuration", path.display()))?;
         let folder = path.parent().unwrap_or(Path::new("."));
         for inner in [&mut config.task.demonstration, &mut config.plant.arm].into_iter().flatten() {
             *inner = folder.join(&*inner);
@@ -169,8 +176,12 @@ impl Config {
 fn parse(text: &str, of: Defaults) -> Result<Config, toml::de::Error> {
     // First as it is: toml then names line and field, and lists the fields it knows.
     let given: Config = toml::from_str(text)?;
-    let mut table = toml::Table::try_from(of(&given.task.name, given.task.options))
-        .expect("a configuration is plain data");
+    let mut defaults = of(&given.task.name, given.task.options);
+    if given.task.judge.is_some() {
+        // A reward of one's own says itself what compliance is worth, if anything.
+        defaults.learner.compliance = ComplianceConfig::off();
+    }
+    let mut table = toml::Table::try_from(defaults).expect("a configuration is plain data");
     overlay(&mut table, toml::from_str(text)?);
     table.try_into()
 }

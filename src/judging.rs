@@ -1,28 +1,31 @@
 //! The judge of a configuration: what its task measures, and what that is worth.
 
 use anyhow::{Context, Result, bail};
+use learner::LearnerConfig;
 use learner::expression::{Expression, Kind};
-use learner::judge::{Declared, Judge, Verdict, VerdictError, list};
-use learner::reward::RewardConfig;
+use learner::judge::{Declared, Judge, Paid, Verdict, VerdictError, list};
 use shm_types::measures::{Measures, TRUTH};
 
 use crate::config::{Config, JudgeConfig};
 
 pub fn judge(config: &Config) -> Result<Judge> {
-    let measurer = config.task()?.measurer(config)?;
-    let verdict = verdict(config, &measurer.declared())?;
-    Ok(Judge::new(measurer, verdict))
+    let (measurer, compliance) = (config.task()?.measurer(config)?, &config.learner.compliance);
+    let mut declared = measurer.declared();
+    declared.extend(compliance.declared());
+    let verdict = verdict(config, &declared)?;
+    Ok(Judge::new(measurer, verdict).with_compliance(compliance))
 }
 
 /// What `config` makes of the measures `declared`.
 pub fn verdict(config: &Config, declared: &Declared) -> Result<Box<dyn Verdict>> {
     match &config.task.judge {
         Some(written) => Ok(Box::new(Written::parse(written, declared)?)),
-        None => built_in(&config.learner.reward, &config.task.name, declared),
+        None => built_in(&config.learner, &config.task.name, declared),
     }
 }
 
-fn built_in(reward: &RewardConfig, task: &str, declared: &Declared) -> Result<Box<dyn Verdict>> {
+fn built_in(learner: &LearnerConfig, task: &str, declared: &Declared) -> Result<Box<dyn Verdict>> {
+    let reward = &learner.reward;
     let missing = reward.missing(declared);
     if !missing.is_empty() {
         bail!(
@@ -33,7 +36,8 @@ fn built_in(reward: &RewardConfig, task: &str, declared: &Declared) -> Result<Bo
             list(declared)
         );
     }
-    Ok(Box::new(*reward))
+    // A reward of one's own names the measure where it wants it.
+    Ok(Box::new(Paid { verdict: *reward, weight: learner.compliance.weight }))
 }
 
 /// Reward and success as the configuration writes them.

@@ -6,10 +6,9 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use rustix::fs::{FlockOperation, flock};
 
-use crate::config::{Config, PlantConfig, TaskConfig};
+use crate::config::{Config, PlantConfig, SESSION_FILE as CONFIG, TaskConfig};
 use crate::setup;
 
-const CONFIG: &str = "session.toml";
 const DATABASE: &str = "session.db";
 const DEMONSTRATION: &str = "demonstration.csv";
 const ARM: &str = "arm.urdf";

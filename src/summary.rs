@@ -54,6 +54,8 @@ impl Summary {
             "set_aside": self.result.set_aside,
             "modes": self.modes,
             "success_last20": self.result.success_last20,
+            "means_last20": self.result.means_last20,
+            "mean_successes_last20": self.result.mean_successes_last20,
             "best_reward": self.result.best_reward,
             "best_rollout": self.result.best_rollout,
             "session": self.folder.dir(),
@@ -69,8 +71,9 @@ impl Summary {
         let result = &self.result;
         let achieved = match (self.success, result.first_success) {
             (Some(success), Some(rollout)) => format!(
-                "first {success} at rollout {rollout}, {:.0} % of the last 20 succeed",
-                100.0 * result.success_last20
+                "first {success} at rollout {rollout}, {:.0} % of the last 20 succeed{}",
+                100.0 * result.success_last20,
+                self.means()
             ),
             (Some(success), None) => format!("no {success} yet"),
             _ if self.modes.len() == 1 => "one solution found".into(),
@@ -103,6 +106,14 @@ impl Summary {
                 &format!("stopped early; go on with: skillet learn {} --out {dir}\n", self.task);
         }
         text
+    }
+
+    /// Which of the last rollouts were no draws.
+    fn means(&self) -> String {
+        match (self.result.means_last20, self.result.mean_successes_last20) {
+            (0, _) => String::new(),
+            (n, successes) => format!(" ({n} were the mean itself, {successes} succeeded)"),
+        }
     }
 
     /// What the report shows beside the figures.

@@ -3,6 +3,7 @@
 
 mod util;
 
+use std::f64::consts::PI;
 use std::fs;
 
 use util::{Bench, stderr};
@@ -83,7 +84,7 @@ fn a_vendors_arm_gets_a_configuration_that_works_where_it_is_pasted() {
     let [x, y, z] = [0, 1, 2].map(|i| checked["start_m"][i].as_f64().unwrap());
     let rows: String = (0..60)
         .map(|i| {
-            let (t, lift) = (f64::from(i) * 0.01, 0.02 * (f64::from(i) / 10.0).sin().powi(2));
+            let (t, lift) = (f64::from(i) * 0.01, 0.02 * (f64::from(i) * PI / 59.0).sin().powi(2));
             format!("{t:.2},{x:.6},{y:.6},{:.6},0\n", z + lift)
         })
         .collect();

@@ -55,8 +55,14 @@ fn tick_measures_every_part_and_every_size() {
 fn sim_compares_one_core_with_all() {
     let bench = Bench::new();
     let rows = rows(&bench, "sim", "0.3");
-    assert_eq!(rows.len(), 12);
-    for scenario in ["1 sub-step", "2 sub-steps", "4 sub-steps"] {
+    assert_eq!(rows.len(), 20);
+    for scenario in [
+        "multibody, 1 sub-step",
+        "multibody, 2 sub-steps",
+        "multibody, 4 sub-steps",
+        "split, 2 sub-steps",
+        "split, 4 sub-steps",
+    ] {
         let found = names(&rows, "scenario");
         assert_eq!(found.iter().filter(|name| **name == scenario).count(), 4);
     }

@@ -11,7 +11,7 @@ mod tasks {
 }
 
 use camera::Camera;
-use learner::judge::Judge;
+use learner::judge::{Judge, Paid};
 use learner::parameters::PolicyIds;
 use learner::problem::Problem;
 use learner::{Demonstration, LearnerConfig};
@@ -49,7 +49,11 @@ fn thetas_rewards_and_outcomes_are_those_of_a_session() {
         Controlled { model: &arm, plant: &mut plant, q0: WAM7_START_POSTURE, referee };
     let controller = ControllerConfig::default();
     let measurer = measurer(Camera::new(&arm, controller.record_s()), &outcome);
-    let judge = Judge::new(Box::new(measurer), Box::new(config.reward));
+    let judge = Judge::new(
+        Box::new(measurer),
+        Box::new(Paid { verdict: config.reward, weight: config.compliance.weight }),
+    )
+    .with_compliance(&config.compliance);
     let mut records = vec![TickRecord::ZERO; MAX_RECORDS];
     for trial in session {
         let Proposal { rollout, theta } = search.ask(trial.rollout);
@@ -57,7 +61,8 @@ fn thetas_rewards_and_outcomes_are_those_of_a_session() {
         let policy = problem.decode(&theta, PolicyIds::default());
         let simulated = simulate(&mut controlled, &controller, &policy, &mut records).unwrap();
         let episode = &records[..simulated.n_records];
-        let (measures, success, reward) = judge.judge(&EpisodeHeader::default(), episode).unwrap();
+        let (measures, success, reward) =
+            judge.judge(&policy, &EpisodeHeader::default(), episode).unwrap();
         assert_eq!(measures, trial.measures, "rollout {rollout}");
         assert_eq!(simulated.n_records as u64, trial.n_records);
         assert_eq!(simulated.fault, trial.fault);

@@ -11,7 +11,8 @@ const CATCH: &str = "1.5*clamp(apex_m, 0, 0.55) \
     + if(crossing_time_s > 0, 1*exp(-max(lateral_m, 0)/0.1), 0) \
     + if(caught, 1*exp(-max(final_lateral_m, 0)/0.1), 0) \
     + if(caught, 0.5*exp(-max(bounce_s, 0)/0.05), 0) \
-    + if(caught, 0.5*exp(-max(clipped_share, 0)/0.05), 0)";
+    + if(caught, 0.5*exp(-max(clipped_share, 0)/0.05), 0) \
+    + if(caught, 1*compliance, 0)";
 
 fn config(bench: &Bench, name: &str, judge: &str) {
     std::fs::write(bench.path(name), format!("[task]\nname = \"pancake\"\n{judge}")).unwrap();
@@ -25,7 +26,9 @@ fn judge_table(success: &str, reward: &str) -> String {
 fn a_written_reward_is_the_built_in_one_to_the_last_bit() {
     let bench = Bench::new();
     bench.ok(&["learn", "pancake", "--seed", "4", "--rollouts", "12", "--out", "built-in"]);
-    config(&bench, "written.toml", &judge_table("caught", CATCH));
+    // With a reward of one's own compliance is measured, and looked for, where it is asked for.
+    let measured = "[learner.compliance]\nweight = 1.0\n";
+    config(&bench, "written.toml", &format!("{}{measured}", judge_table("caught", CATCH)));
     let written = ["--rollouts", "12", "--out", "written", "--config", "written.toml"];
     bench.ok(&[&["learn", "pancake", "--seed", "4"], &written[..]].concat());
     assert_eq!(bits(&bench.trials("written")), bits(&bench.trials("built-in")));
@@ -83,12 +86,9 @@ fn what_cannot_be_judged_is_refused_before_it_starts() {
 #[test]
 fn a_rollout_without_a_verdict_is_set_aside_and_the_session_goes_on() {
     let bench = Bench::new();
-    // Before the first crossing this divides by nothing.
-    config(
-        &bench,
-        "my.toml",
-        &judge_table("caught", "apex_m + if(apex_m < 0.09, 1/crossing_time_s, 0)"),
-    );
+    // Without a crossing this divides by nothing; some of the first amplitudes are too small for one.
+    let judge = judge_table("caught", "apex_m + if(apex_m < 0.09, 1/crossing_time_s, 0)");
+    config(&bench, "my.toml", &format!("{judge}[learner.exploration]\ngrows = false\n"));
     let learn = [
         "learn",
         "pancake",

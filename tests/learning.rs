@@ -15,7 +15,7 @@ mod tasks {
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use camera::Camera;
-use learner::judge::Judge;
+use learner::judge::{Judge, Paid};
 use learner::parameters::PolicyIds;
 use learner::problem::Problem;
 use learner::summary::LATE_TRIALS;
@@ -46,7 +46,11 @@ fn successes(config: &LearnerConfig, demonstration: &Demonstration, arm: &ArmMod
     let mut search = problem.search(config);
     let (controller, outcome) = (ControllerConfig::default(), OutcomeConfig::default());
     let measurer = measurer(Camera::new(arm, controller.record_s()), &outcome);
-    let judge = Judge::new(Box::new(measurer), Box::new(config.reward));
+    let judge = Judge::new(
+        Box::new(measurer),
+        Box::new(Paid { verdict: config.reward, weight: config.compliance.weight }),
+    )
+    .with_compliance(&config.compliance);
     let mut records = vec![TickRecord::ZERO; MAX_RECORDS];
     let rollout = |rollout| {
         let Proposal { theta, .. } = search.ask(rollout);
@@ -56,7 +60,7 @@ fn successes(config: &LearnerConfig, demonstration: &Demonstration, arm: &ArmMod
         let mut controlled = Controlled { model: arm, plant: &mut plant, q0, referee };
         let done = simulate(&mut controlled, &controller, &policy, &mut records).unwrap();
         let (_, success, reward) =
-            judge.judge(&EpisodeHeader::default(), &records[..done.n_records]).unwrap();
+            judge.judge(&policy, &EpisodeHeader::default(), &records[..done.n_records]).unwrap();
         search.tell(&Trial { rollout, theta, reward, success });
         success
     };

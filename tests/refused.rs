@@ -6,8 +6,12 @@ use shm_types::episode::FAULT_POLICY_REFUSED;
 use util::{Bench, bits};
 
 fn config(bench: &Bench, name: &str, spread: f64) -> String {
-    let power = format!("[learner.search.power]\ninitial_std = {spread:?}\nn_initial = 100\n");
-    bench.write(name, &power).to_str().unwrap().into()
+    // Attractors that are kept near are within reach of the arm.
+    let wild = format!(
+        "[learner.search.power]\ninitial_std = {spread:?}\nn_initial = 100\n\
+         [learner.exploration]\nattractor_reach_m = 100.0\ngrows = false\n"
+    );
+    bench.write(name, &wild).to_str().unwrap().into()
 }
 
 #[test]

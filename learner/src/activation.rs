@@ -55,6 +55,21 @@ pub fn policy_activations(policy: &PolicyMsg, t_s: f64) -> Vec<f64> {
     activations(&centers_widths, activation.drive(t_s, policy.decay_rate))
 }
 
+/// Means of the hᵢ of a validated policy over its movement, at the middles of [`N_SAMPLES`] equal parts.
+pub fn mean_activations(policy: &PolicyMsg) -> Vec<f64> {
+    let mut mean = vec![0.0; policy.components().len()];
+    for part in 0..N_SAMPLES {
+        let t_s = policy.duration_s * (part as f64 + 0.5) / N_SAMPLES as f64;
+        for (mean, h) in mean.iter_mut().zip(policy_activations(policy, t_s)) {
+            *mean += h / N_SAMPLES as f64;
+        }
+    }
+    mean
+}
+
+/// Fine enough for activations a sixteenth of the movement wide.
+const N_SAMPLES: usize = 200;
+
 #[cfg(test)]
 mod tests {
     use super::*;

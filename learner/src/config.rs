@@ -5,6 +5,7 @@ use shm_types::MAX_COMPONENTS;
 
 use crate::action::ActionConfig;
 use crate::activation::Activation;
+use crate::compliance::ComplianceConfig;
 use crate::exploration::ExplorationConfig;
 use crate::initial_policy::InitialPolicyConfig;
 use crate::modes::Prefer;
@@ -38,6 +39,8 @@ pub struct LearnerConfig {
     pub exploration: ExplorationConfig,
     pub search: SearchConfig,
     pub reward: RewardConfig,
+    #[serde(default = "ComplianceConfig::off")]
+    pub compliance: ComplianceConfig,
     /// Which mode the session's answer is.
     pub prefer: Prefer,
 }
@@ -61,6 +64,7 @@ impl Default for LearnerConfig {
             exploration: ExplorationConfig::default(),
             search: SearchConfig::default(),
             reward: RewardConfig::default(),
+            compliance: ComplianceConfig::default(),
             prefer: Prefer::default(),
         }
     }
@@ -91,6 +95,7 @@ impl LearnerConfig {
         check("", &ranges)?;
         check("exploration.", &self.exploration.ranges())?;
         check("reward.", &self.reward.ranges())?;
+        check("compliance.", &self.compliance.ranges())?;
         self.action.validate()?;
         self.search.validate()
     }
@@ -151,7 +156,9 @@ mod tests {
         assert_eq!(config.validate(), Ok(()));
         let text = serde_json::to_string(&config).unwrap();
         assert_eq!(serde_json::from_str::<LearnerConfig>(&text).unwrap(), config);
-        assert_eq!(serde_json::from_str::<LearnerConfig>("{}").unwrap(), config);
+        // What a session that was stored before there was a choice does not say is off.
+        let old = LearnerConfig { compliance: ComplianceConfig::off(), ..config };
+        assert_eq!(serde_json::from_str::<LearnerConfig>("{}").unwrap(), old);
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use shm_types::episode::{EpisodeError, FAULT_APPROACH_TIMEOUT, FAULT_OVERRUN};
 use thiserror::Error;
 
+use crate::exploration::ExplorationError;
 use crate::judge::JudgeError;
 use crate::parameters::ParameterError;
 use crate::store::StoreError;
@@ -18,6 +19,8 @@ pub enum LearnerError {
     Parameters(#[from] ParameterError),
     #[error(transparent)]
     Directions(#[from] DirectionsError),
+    #[error(transparent)]
+    Exploration(#[from] ExplorationError),
     #[error(transparent)]
     Store(#[from] StoreError),
     /// The plant or the task is another one than this session's.
@@ -76,7 +79,10 @@ impl From<TellError> for CompleteError {
 /// rollout are the policy's doing and are rewarded like anything else it does.
 pub(crate) fn not_executed(fault: u64) -> Option<&'static str> {
     match fault {
-        FAULT_APPROACH_TIMEOUT => Some("the arm did not reach the start posture in time"),
+        FAULT_APPROACH_TIMEOUT => Some(
+            "the arm did not reach the start posture in time; if it carries more than its model knows \
+             of, raise controller.posture_stiffness and controller.posture_damping",
+        ),
         FAULT_OVERRUN => Some("its host could not hold the period; see `skillet doctor`"),
         _ => None,
     }

@@ -7,17 +7,22 @@
 //! explores whole movements. Any demonstration will do; an alteration that changes nothing there,
 //! as a larger rotation of a skill without one, gives no direction.
 
+mod stiffness;
+
 use std::f64::consts::PI;
 
 use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
-use shm_types::policy::{PolicyMsg, packed_index};
+use shm_types::policy::PolicyMsg;
 
 use crate::demonstration::Demonstration;
 use crate::initial_policy::{InitialPolicyConfig, initial_policy};
-use crate::parameters::{ParameterError, ParameterMap};
+use crate::parameters::{ATTRACTOR_MAX, ParameterError, ParameterMap};
 use crate::trajectory::{Pose, retime};
+use search::Direction;
 use search::range::{Range, range};
+pub use stiffness::PhaseError;
+use thiserror::Error;
 
 /// x, y and z come first in a pose and in θ, rotations after them.
 const N_POSITIONS: usize = 3;
@@ -36,6 +41,33 @@ pub enum ExplorationKind {
     White,
 }
 
+/// Why there are no directions.
+#[derive(Debug, Error, PartialEq)]
+pub enum ExplorationError {
+    #[error(transparent)]
+    Parameters(#[from] ParameterError),
+    #[error(transparent)]
+    Phases(#[from] PhaseError),
+}
+
+/// Which stiffnesses are explored, each by a factor of its own.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum StiffnessKind {
+    /// None: they stay what the initial policy has.
+    Fixed,
+    /// One factor for position and one for rotation over the whole movement, from the start.
+    #[default]
+    Uniform,
+    /// Of position and rotation, before the peak of the demonstration and after it, once trials
+    /// succeed.
+    Phases,
+    /// Of position and rotation of every component, once trials succeed.
+    Components,
+    /// As `phases`, and the coupling of each two coordinates that move: full matrices.
+    Full,
+}
+
 /// How far one unit of noise alters the demonstration; 0 leaves a direction out.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -51,9 +83,28 @@ pub struct ExplorationConfig {
     pub tempo_s: f64,
     /// How much later the rotation comes than the position, s.
     pub rotation_lag_s: f64,
-    /// Change of log K of the position and of the rotation.
+    /// The position's amplitude is tried forwards first, as a slow demonstration wants it.
+    #[serde(default)]
+    pub grows: bool,
+    #[serde(default)]
+    pub stiffness: StiffnessKind,
+    /// Change of log K of the position and of the rotation: `uniform` and `components`.
     pub position_log_stiffness: f64,
     pub rotation_log_stiffness: f64,
+    /// Change of log K before and after the peak: `phases` and `full`.
+    pub before_log_stiffness: f64,
+    pub after_log_stiffness: f64,
+    /// Change of an off-diagonal entry of log K: `full`.
+    pub coupling_log_stiffness: f64,
+    /// How far beyond those of the demonstration an attractor may lie, m; weak, far springs else stand
+    /// in for stiff, near ones.
+    #[serde(default = "far")]
+    pub attractor_reach_m: f64,
+}
+
+// What sessions did that were stored before there was a choice.
+fn far() -> f64 {
+    ATTRACTOR_MAX
 }
 
 impl Default for ExplorationConfig {
@@ -65,8 +116,14 @@ impl Default for ExplorationConfig {
             peak_offset_m: [0.05, 0.0, 0.0],
             tempo_s: 0.1,
             rotation_lag_s: 0.05,
+            grows: true,
+            stiffness: StiffnessKind::Phases,
             position_log_stiffness: 0.4,
             rotation_log_stiffness: 0.4,
+            before_log_stiffness: 0.4,
+            after_log_stiffness: 0.8,
+            coupling_log_stiffness: 0.15,
+            attractor_reach_m: 0.5,
         }
     }
 }
@@ -84,38 +141,44 @@ impl ExplorationConfig {
             range("rotation_lag_s", self.rotation_lag_s, 0.0, 10.0),
             range("position_log_stiffness", self.position_log_stiffness, 0.0, 3.0),
             range("rotation_log_stiffness", self.rotation_log_stiffness, 0.0, 3.0),
+            range("before_log_stiffness", self.before_log_stiffness, 0.0, 3.0),
+            range("after_log_stiffness", self.after_log_stiffness, 0.0, 3.0),
+            range("coupling_log_stiffness", self.coupling_log_stiffness, 0.0, 3.0),
+            range("attractor_reach_m", self.attractor_reach_m, 0.0, ATTRACTOR_MAX),
         ]
     }
 }
 
-/// The directions as changes of θ per unit of noise, `map.dim()` long each; only those along which
-/// something changes. `initial` is the policy fitted to `demonstration`.
+/// A change of θ per unit of noise, `map.dim()` long, and what is known of it.
+pub(crate) type Column = (DVector<f64>, Direction);
+
+/// The directions, only those along which something changes. `initial` is the policy fitted to
+/// `demonstration`.
+///
+/// # Errors
+/// Where phases are asked for and the demonstration has none.
 pub(crate) fn directions(
     initial: &PolicyMsg,
     map: &ParameterMap,
     config: &ExplorationConfig,
     initial_config: &InitialPolicyConfig,
     demonstration: &Demonstration,
-) -> Result<Vec<DVector<f64>>, ParameterError> {
+) -> Result<Vec<Column>, ExplorationError> {
     let theta_0 = map.encode(initial)?;
-    let refitted = alterations(demonstration, config)
-        .into_iter()
-        .map(|poses| demonstration.with_poses(poses))
-        .map(|altered| initial_policy(&altered, initial_config));
-    let (position, rotation) = (0..N_POSITIONS, N_POSITIONS..initial_config.task_dim);
-    let stiffened = [
-        stiffened(initial, position, config.position_log_stiffness),
-        stiffened(initial, rotation, config.rotation_log_stiffness),
-    ];
-    let mut directions = Vec::new();
-    for policy in refitted.chain(stiffened) {
-        let change = map.encode(&policy)? - &theta_0;
-        if change.amax() > NO_CHANGE {
-            directions.push(change);
-        }
+    let mut columns = Vec::new();
+    for (index, poses) in alterations(demonstration, config).into_iter().enumerate() {
+        let altered = initial_policy(&demonstration.with_poses(poses), initial_config);
+        let grows = config.grows && index == POSITION_AMPLITUDE;
+        let direction = Direction { grows, late: false };
+        columns.push((map.encode(&altered)? - &theta_0, direction));
     }
-    Ok(directions)
+    columns.extend(stiffness::columns(initial, map, config, demonstration)?);
+    columns.retain(|(change, _)| change.amax() > NO_CHANGE);
+    Ok(columns)
 }
+
+/// Of the alterations the one that makes the position's excursion larger.
+const POSITION_AMPLITUDE: usize = 0;
 
 /// The demonstration's poses, altered in each way by one unit of noise.
 fn alterations(demonstration: &Demonstration, amounts: &ExplorationConfig) -> Vec<Vec<Pose>> {
@@ -154,43 +217,36 @@ fn alterations(demonstration: &Demonstration, amounts: &ExplorationConfig) -> Ve
     ]
 }
 
-/// `policy` with exp(`amount`) times the stiffness of `coordinates`, Kᵢ → D Kᵢ D.
-fn stiffened(policy: &PolicyMsg, coordinates: std::ops::Range<usize>, amount: f64) -> PolicyMsg {
-    let mut stiffened = *policy;
-    let factor = |c: usize| if coordinates.contains(&c) { (0.5 * amount).exp() } else { 1.0 };
-    for component in &mut stiffened.components[..policy.n_components as usize] {
-        for row in 0..policy.task_dim as usize {
-            for col in 0..=row {
-                component.stiffness[packed_index(row, col)] *= factor(row) * factor(col);
-            }
-        }
-    }
-    stiffened.sealed()
-}
-
 /// The moment at which a movement is farthest from its start.
 struct Peak {
     t_s: f64,
+    /// 0 where the movement ends at its peak.
     reach_s: f64,
 }
 
 impl Peak {
-    /// By its position, or by its rotation if the position never moves.
     fn of(demonstration: &Demonstration) -> Peak {
-        let poses = demonstration.poses();
-        let farthest = |coordinates: std::ops::Range<usize>| {
-            let distance = |pose: &Pose| -> f64 {
-                coordinates.clone().map(|c| (pose[c] - poses[0][c]).powi(2)).sum()
-            };
-            let squared = poses.iter().map(distance).enumerate();
-            squared.fold((0, 0.0), |best, now| if now.1 > best.1 { now } else { best })
-        };
-        let (at, distance) = farthest(0..N_POSITIONS);
-        let at = if distance > 0.0 { at } else { farthest(N_POSITIONS..poses[0].len()).0 };
+        let excursion = Peak::excursion(demonstration).into_iter().enumerate();
+        let at = excursion.fold((0, 0.0), |best, now| if now.1 > best.1 { now } else { best }).0;
         let (t_s, end_s) = (at as f64 * demonstration.period_s(), demonstration.duration_s());
         // Start and end of the movement stay what they are.
         let reach_s = (PEAK_REACH * end_s).min(t_s).min(end_s - t_s);
         Peak { t_s, reach_s }
+    }
+
+    /// Squared distance from the start at every sample, of the position, or of the rotation if the
+    /// position never moves.
+    fn excursion(demonstration: &Demonstration) -> Vec<f64> {
+        let poses = demonstration.poses();
+        let of = |coordinates: std::ops::Range<usize>| -> Vec<f64> {
+            let squared = |pose: &Pose| -> f64 {
+                coordinates.clone().map(|c| (pose[c] - poses[0][c]).powi(2)).sum()
+            };
+            poses.iter().map(squared).collect()
+        };
+        let position = of(0..N_POSITIONS);
+        let moves = position.iter().any(|distance| *distance > 0.0);
+        if moves { position } else { of(N_POSITIONS..poses[0].len()) }
     }
 
     /// 1 at the peak, falling smoothly to 0 within reach.

@@ -5,8 +5,11 @@
 //! is a [`Verdict`] over these measures, and can be asked again at any time.
 
 use shm_types::episode::{EpisodeHeader, TickRecord};
-use shm_types::measures::{Measures, MeasuresError};
+use shm_types::measures::{Measure, Measures, MeasuresError};
+use shm_types::policy::PolicyMsg;
 use thiserror::Error;
+
+use crate::compliance::{self, ComplianceConfig};
 
 /// Names and units of the measures of a session, in order.
 pub type Declared = Vec<(String, String)>;
@@ -38,7 +41,23 @@ pub struct VerdictError(pub String);
 /// Measures by the task, then judges.
 pub struct Judge {
     measurer: Box<dyn Measurer>,
+    compliance: Option<ComplianceConfig>,
     verdict: Box<dyn Verdict>,
+}
+
+/// A verdict, and pay for compliance where it is success.
+pub struct Paid<V> {
+    pub verdict: V,
+    /// [`ComplianceConfig::weight`]; the measure is [`compliance::MEASURE`].
+    pub weight: f64,
+}
+
+impl<V: Verdict> Verdict for Paid<V> {
+    fn judge(&self, measures: &Measures) -> Result<(bool, f64), VerdictError> {
+        let (success, reward) = self.verdict.judge(measures)?;
+        let compliance = measures.get(compliance::MEASURE).filter(|_| success).unwrap_or(0.0);
+        Ok((success, reward + self.weight * compliance))
+    }
 }
 
 /// Why a rollout was not judged.
@@ -59,7 +78,12 @@ pub enum JudgeError {
 
 impl Judge {
     pub fn new(measurer: Box<dyn Measurer>, verdict: Box<dyn Verdict>) -> Judge {
-        Judge { measurer, verdict }
+        Judge { measurer, compliance: None, verdict }
+    }
+
+    /// Measures the policy's compliance too, after the task's measures, unless it pays nothing.
+    pub fn with_compliance(self, config: &ComplianceConfig) -> Judge {
+        Judge { compliance: Some(*config).filter(ComplianceConfig::pays), ..self }
     }
 
     /// Of a world that measures all there is.
@@ -69,16 +93,23 @@ impl Judge {
     }
 
     pub fn declared(&self) -> Declared {
-        self.measurer.declared()
+        let mut declared = self.measurer.declared();
+        declared.extend(self.compliance.and_then(|config| config.declared()));
+        declared
     }
 
-    /// Measures, success and reward of a checked episode.
+    /// Measures, success and reward of a checked episode of `policy`.
     pub fn judge(
         &self,
+        policy: &PolicyMsg,
         header: &EpisodeHeader,
         records: &[TickRecord],
     ) -> Result<(Measures, bool, f64), JudgeError> {
-        let measures = self.measurer.measure(header, records)?;
+        let mut measures = self.measurer.measure(header, records)?;
+        if let Some(config) = &self.compliance {
+            let value = config.measure(policy);
+            measures.push(Measure { name: compliance::MEASURE, unit: "1", value })?;
+        }
         let (found, expected) = (measures.declared(), self.declared());
         if found != expected {
             return Err(JudgeError::OtherMeasures { found, expected });
@@ -112,4 +143,35 @@ pub fn list(declared: &Declared) -> String {
     let names: Vec<String> =
         declared.iter().map(|(name, unit)| format!("{name} ({unit})")).collect();
     names.join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use shm_types::measures::TRUTH;
+
+    /// Says of a rollout what the measure `caught` says.
+    struct Caught;
+
+    impl Verdict for Caught {
+        fn judge(&self, measures: &Measures) -> Result<(bool, f64), VerdictError> {
+            Ok((measures.has("caught"), 2.0))
+        }
+    }
+
+    #[test]
+    fn only_a_success_is_paid() {
+        let paid = Paid { verdict: Caught, weight: 0.5 };
+        let reward = |caught: bool| {
+            let measures = [
+                Measure { name: "caught", unit: TRUTH, value: f64::from(u8::from(caught)) },
+                Measure { name: compliance::MEASURE, unit: "1", value: 1.5 },
+            ];
+            paid.judge(&Measures::of(measures).unwrap()).unwrap().1
+        };
+        assert_eq!((reward(true), reward(false)), (2.75, 2.0));
+        let unmeasured =
+            Measures::of([Measure { name: "caught", unit: TRUTH, value: 1.0 }]).unwrap();
+        assert_eq!(paid.judge(&unmeasured).unwrap(), (true, 2.0));
+    }
 }

@@ -157,7 +157,7 @@ impl Learner {
         if let Some(reason) = not_executed(header.fault) {
             return Err(CompleteError::NotExecuted { rollout: header.rollout, reason });
         }
-        let (measures, success, reward) = match self.judge.judge(header, records) {
+        let (measures, success, reward) = match self.judge.judge(policy, header, records) {
             Err(error @ JudgeError::OtherMeasures { .. }) => {
                 return Err(CompleteError::Learner(LearnerError::Judge(error)));
             }
@@ -176,6 +176,7 @@ impl Learner {
             fault: header.fault,
             n_records: header.n_records,
             set_aside: false,
+            is_mean: self.is_mean(proposal),
             measures,
         };
         self.search.tell(&trial.trial())?;
@@ -262,6 +263,11 @@ impl Learner {
 
     pub fn store(&self) -> &Store {
         &self.store
+    }
+
+    /// What is proposed is the mean of the search and no draw, nor its start.
+    fn is_mean(&self, proposal: &Proposal) -> bool {
+        proposal.rollout > 1 && proposal.theta == *self.search.mean()
     }
 
     fn ids(&self, rollout: u64, policy_id: u64) -> PolicyIds {

@@ -8,6 +8,7 @@
 
 pub mod action;
 pub mod activation;
+pub mod compliance;
 pub mod config;
 pub mod demonstration;
 mod error;

@@ -5,7 +5,10 @@
 //! 4 or 6 and eight components. θ is absolute, θ = physical / scale, not an offset from the
 //! initial policy: a stored θ means the same in every session with these scales.
 
+use std::ops::Range;
+
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use search::Bounds;
 use serde::{Deserialize, Serialize};
 use shm_types::policy::{Component, PolicyMsg, PolicyMsgError, packed_index};
 use thiserror::Error;
@@ -14,7 +17,12 @@ use thiserror::Error;
 pub const STIFFNESS_MIN: f64 = 1.0;
 pub const STIFFNESS_MAX: f64 = 2e4;
 /// Largest attractor entry a message may carry, m or rad.
-const ATTRACTOR_MAX: f64 = 100.0;
+pub const ATTRACTOR_MAX: f64 = 100.0;
+
+/// Beyond what any θ reaches.
+const NO_END: f64 = 1e9;
+/// x, y and z come first.
+const N_POSITIONS: usize = 3;
 
 /// One unit of θ in physical units (the rescaling of the paper's footnote 1).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -131,6 +139,54 @@ impl ParameterMap {
             }
         }
         Ok(DVector::from_vec(theta))
+    }
+
+    /// The change of θ that adds `amount` to the entry (`row`, `col`) of log K of `components`.
+    pub fn log_stiffness_change(
+        &self,
+        components: &Range<usize>,
+        row: usize,
+        col: usize,
+        amount: f64,
+    ) -> DVector<f64> {
+        let mut change = DVector::zeros(self.dim());
+        for component in components.clone() {
+            change[self.log_stiffness_entry(component, row, col)] =
+                amount / self.scales.log_stiffness;
+        }
+        change
+    }
+
+    /// g with g·θ = tr(log Kᵢ)/d = ln det(Kᵢ)/d, the mean log stiffness of `component`.
+    pub fn mean_log_stiffness(&self, component: usize) -> DVector<f64> {
+        let mut g = DVector::zeros(self.dim());
+        for c in 0..self.task_dim() {
+            let entry = self.log_stiffness_entry(component, c, c);
+            g[entry] = self.scales.log_stiffness / self.task_dim() as f64;
+        }
+        g
+    }
+
+    fn log_stiffness_entry(&self, component: usize, row: usize, col: usize) -> usize {
+        component * self.stride() + self.task_dim() + packed_index(row, col)
+    }
+
+    /// The box whose attractors lie within `reach_m` of those of `policy`, with no end in other
+    /// parameters.
+    pub fn near(&self, policy: &PolicyMsg, reach_m: f64) -> Bounds {
+        let mut min = DVector::from_element(self.dim(), -NO_END);
+        let mut max = -&min;
+        for axis in 0..N_POSITIONS.min(self.task_dim()) {
+            let of = || policy.components().iter().map(|component| component.attractor[axis]);
+            let low = of().fold(f64::INFINITY, f64::min) - reach_m;
+            let high = of().fold(f64::NEG_INFINITY, f64::max) + reach_m;
+            for component in 0..policy.components().len() {
+                let at = component * self.stride() + axis;
+                min[at] = low / self.scales.position_m;
+                max[at] = high / self.scales.position_m;
+            }
+        }
+        Bounds { min, max }
     }
 
     /// Sec. 3.1, footnote 1: Kᵢ = exp(Sᵢ), so that every θ gives a symmetric positive definite

@@ -6,7 +6,7 @@ use shm_types::policy::PolicyMsg;
 use crate::config::LearnerConfig;
 use crate::demonstration::Demonstration;
 use crate::error::LearnerError;
-use crate::exploration::{ExplorationKind, directions};
+use crate::exploration::{Column, ExplorationKind, directions};
 use crate::initial_policy::initial_policy;
 use crate::parameters::{ParameterMap, PolicyIds};
 use search::{Search, Space};
@@ -101,11 +101,17 @@ fn space(
                 &config.initial_policy(),
                 demonstration,
             )?;
-            Space::along(theta_0, matrix(map.dim(), &columns))?
+            let bounds = map.near(start, config.exploration.attractor_reach_m);
+            Space {
+                directions: columns.iter().map(|(_, direction)| *direction).collect(),
+                known: config.compliance.known(start, map),
+                bounds: Some(bounds),
+                ..Space::along(theta_0, matrix(map.dim(), &columns))?
+            }
         }
     })
 }
 
-fn matrix(dim: usize, columns: &[DVector<f64>]) -> DMatrix<f64> {
-    DMatrix::from_fn(dim, columns.len(), |row, column| columns[column][row])
+fn matrix(dim: usize, columns: &[Column]) -> DMatrix<f64> {
+    DMatrix::from_fn(dim, columns.len(), |row, column| columns[column].0[row])
 }

@@ -84,6 +84,7 @@ mod tests {
             fault: 0,
             n_records: 0,
             set_aside: false,
+            is_mean: false,
             measures: Measures::NONE,
         }
     }

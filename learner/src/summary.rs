@@ -37,6 +37,10 @@ pub struct Summary {
     pub first_success: Option<u64>,
     /// Share of successes among the last 20 trials, or among all if there are fewer; 0 of none.
     pub success_last20: f64,
+    /// Of these, how many executed the search's mean, and how many of them succeeded. The others are draws
+    /// around it.
+    pub means_last20: u64,
+    pub mean_successes_last20: u64,
     pub best_reward: f64,
     /// The first trial with the best reward.
     pub best_rollout: Option<u64>,
@@ -52,6 +56,7 @@ impl Summary {
     pub fn of(trials: &[TrialRecord]) -> Self {
         let late = &trials[trials.len().saturating_sub(LATE_TRIALS)..];
         let count = |trials: &[TrialRecord]| trials.iter().filter(|t| t.success).count();
+        let means: Vec<TrialRecord> = late.iter().filter(|trial| trial.is_mean).cloned().collect();
         // What was set aside was not rewarded: its 0 is none, and may be above all others.
         let rewarded = trials.iter().filter(|trial| !trial.set_aside);
         let best = rewarded.reduce(|a, b| if b.reward > a.reward { b } else { a });
@@ -67,6 +72,8 @@ impl Summary {
             set_aside: trials.iter().filter(|trial| trial.set_aside).count() as u64,
             first_success: trials.iter().find(|trial| trial.success).map(|trial| trial.rollout),
             success_last20: count(late) as f64 / late.len().max(1) as f64,
+            means_last20: means.len() as u64,
+            mean_successes_last20: count(&means) as u64,
             best_reward: best.map_or(0.0, |trial| trial.reward),
             best_rollout: best.map(|trial| trial.rollout),
         }
@@ -91,13 +98,16 @@ mod tests {
             fault: 0,
             n_records: 0,
             set_aside: false,
+            is_mean: false,
             measures: Measures::NONE,
         }
     }
 
     #[test]
     fn counts_early_and_late_successes() {
-        let trials: Vec<_> = (1..=30).map(|n| trial(n, (n % 7) as f64, n == 5 || n > 25)).collect();
+        let mut trials: Vec<_> =
+            (1..=30).map(|n| trial(n, (n % 7) as f64, n == 5 || n > 25)).collect();
+        [4, 19, 29].into_iter().for_each(|i| trials[i].is_mean = true);
         let expected = Summary {
             trials: 30,
             successes: 6,
@@ -106,6 +116,8 @@ mod tests {
             set_aside: 0,
             first_success: Some(5),
             success_last20: 0.25,
+            means_last20: 2,
+            mean_successes_last20: 1,
             best_reward: 6.0,
             best_rollout: Some(6),
         };

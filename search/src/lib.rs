@@ -40,7 +40,7 @@ use nalgebra::{DMatrix, DVector};
 pub use ask_tell::{AskTell, TellError};
 pub use config::{Method, SearchConfig};
 pub use rewards::{RewardError, RewardMap};
-pub use space::{Bounds, BoundsError, DirectionsError, Space};
+pub use space::{Bounds, BoundsError, Direction, DirectionsError, Known, Space};
 
 use crate::trial::{Proposal, Trial};
 use batch::BatchSearch;

@@ -6,14 +6,17 @@
 //! The paper's search learns from the best trials of all. Where the task says what success is, the
 //! default has two phases: until there are a few successes it is the paper's search; from then on it
 //! learns from the best *successes* only, and the floor falls with each further one. A reward that was shaped to lead to a
-//! success need not tell good successes from near misses.
+//! success need not tell good successes from near misses. In the second phase directions open that are
+//! about how to succeed, the mean itself is executed now and then, and of several draws the one is
+//! executed whose known reward is highest ([`draws`]).
+
+mod draws;
 
 use std::cmp::Ordering;
 
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
-use super::normals::{standard_normal, stream};
 use super::{RewardError, Search, SearchSnapshot, Space, rewards};
 use crate::range::{Range, range};
 use crate::trial::{Proposal, Trial};
@@ -73,6 +76,27 @@ pub struct PowerConfig {
     pub floor_decay: f64,
     /// Where the decay of the floor ends.
     pub floor_min: f64,
+    /// In the phase of successes every so many rollouts the mean itself, so that its floor falls where
+    /// the mean is good and the draws around it are not; 0 for never.
+    #[serde(default = "never")]
+    pub mean_every: u64,
+    /// In the phase of successes, after a success, so many draws, of which the one with the highest
+    /// known reward is executed; 1 for a plain draw.
+    #[serde(default = "one")]
+    pub candidates: usize,
+    /// The floor of directions that open late, from their opening on.
+    pub late_std: f64,
+    pub late_decay: f64,
+    pub late_min: f64,
+}
+
+// What sessions did that were stored before there was a choice.
+fn never() -> u64 {
+    0
+}
+
+fn one() -> usize {
+    1
 }
 
 impl Default for PowerConfig {
@@ -89,6 +113,11 @@ impl Default for PowerConfig {
             floor_std: 0.5,
             floor_decay: 0.9,
             floor_min: 0.1,
+            mean_every: 5,
+            candidates: 5,
+            late_std: 0.5,
+            late_decay: 0.97,
+            late_min: 0.15,
         }
     }
 }
@@ -105,6 +134,11 @@ impl PowerConfig {
             range("floor_std", self.floor_std, 0.0, 100.0),
             range("floor_decay", self.floor_decay, 0.5, 1.0),
             range("floor_min", self.floor_min, 0.0, self.floor_std),
+            range("mean_every", self.mean_every as f64, 0.0, 1e6),
+            range("candidates", self.candidates as f64, 1.0, 1e3),
+            range("late_std", self.late_std, 0.0, 100.0),
+            range("late_decay", self.late_decay, 0.5, 1.0),
+            range("late_min", self.late_min, 0.0, self.late_std),
         ]
     }
 }
@@ -185,13 +219,32 @@ pub struct Power {
     factors: Option<Vec<DVector<f64>>>,
     /// Trials that let the floor fall: successes, or all since the first update.
     n_falls: u64,
+    /// Trials told since the elites are the successes; `None` before.
+    n_succeeding: Option<u64>,
+    last_succeeded: bool,
+    /// The first trial and those of the initial batch.
+    initial: Vec<Trial>,
 }
 
 impl Power {
     pub fn new(config: PowerConfig, seed: u64, space: Space) -> Self {
         let (mean, kept, factors) = (space.inside(space.theta_0.clone()), Vec::new(), None);
         let (n_told, worst, n_falls) = (0, 0.0, 0);
-        Power { config, seed, space, mean, kept, n_told, worst, factors, n_falls }
+        let (n_succeeding, last_succeeded, initial) = (None, false, Vec::new());
+        Power {
+            config,
+            seed,
+            space,
+            mean,
+            kept,
+            n_told,
+            worst,
+            factors,
+            n_falls,
+            n_succeeding,
+            last_succeeded,
+            initial,
+        }
     }
 
     /// Standard deviation of the isotropic part of the distribution of `rollout`.
@@ -253,23 +306,13 @@ impl Power {
 }
 
 impl Search for Power {
-    /// Eq. (6), sampling: θ = Θ⁽ⁿ⁾ + Σₘ fₘ zₘ + σ₀ z with zₘ, z ~ 𝒩(0, 1), moved into the box where
-    /// one is known.
-    ///
-    /// Its covariance is Σₘ fₘfₘᵀ + σ₀²I = Σ⁽ⁿ⁾ exactly; a Cholesky factor of the D×D matrix would
-    /// give the same distribution for more work and another rounding on every linear algebra
-    /// library.
     fn ask(&self, rollout: u64) -> Proposal {
-        let mut theta = self.mean.clone();
-        if rollout > 1 {
-            let mut rng = stream(self.seed, rollout);
-            for factor in self.factors.iter().flatten() {
-                theta += factor * standard_normal(&mut rng);
-            }
-            let floor = self.floor();
-            theta.iter_mut().for_each(|x| *x += floor * standard_normal(&mut rng));
-        }
-        Proposal { rollout, theta: self.space.inside(theta) }
+        let theta = if rollout == 1 || self.is_turn_of_mean() {
+            self.mean.clone()
+        } else {
+            self.space.inside(self.best_draw(rollout))
+        };
+        Proposal { rollout, theta }
     }
 
     fn check_reward(&self, reward: f64) -> Result<(), RewardError> {
@@ -286,11 +329,14 @@ impl Search for Power {
         self.check_reward(trial.reward).expect("the reward was checked");
         self.n_told += 1;
         self.worst = self.worst.min(trial.reward);
+        self.last_succeeded = trial.success;
         self.keep(trial);
         if self.n_told <= self.config.n_initial {
+            self.initial.push(trial.clone());
             return;
         }
         let successful = self.update();
+        self.n_succeeding = successful.then(|| self.n_succeeding.map_or(0, |n| n + 1));
         // The first update ends the initial batch; the floor falls with what is told after it.
         let falls = match self.config.elites {
             Elites::All => self.n_told > self.config.n_initial + 1,
@@ -305,7 +351,7 @@ impl Search for Power {
 
     fn snapshot(&self, _rollout: u64) -> SearchSnapshot {
         let floor = self.floor();
-        let mut variance = DVector::from_element(self.mean.len(), floor * floor);
+        let mut variance = DVector::from_fn(self.mean.len(), |i, _| self.floor_along(i).powi(2));
         for factor in self.factors.iter().flatten() {
             variance += factor.component_mul(factor);
         }

@@ -95,13 +95,54 @@ pub struct Space {
     /// directions that mean something, and k may be far below D.
     pub exploration: DMatrix<f64>,
     pub bounds: Option<Bounds>,
+    /// What is known of the columns of L, one each; nothing where it is empty.
+    pub directions: Vec<Direction>,
+    pub known: Option<Known>,
+}
+
+/// What is known of one direction before the first trial.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Direction {
+    /// Only forwards leads on, as far as one can tell: a slow demonstration has no use for a smaller
+    /// amplitude.
+    pub grows: bool,
+    /// Closed until trials succeed: it matters how one succeeds, not whether.
+    pub late: bool,
+}
+
+/// The part of the reward that follows from θ and needs no trial, up to a constant:
+/// −Σᵢ wᵢ max(gᵢ·θ + bᵢ, least).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Known {
+    /// w (n) and b (n).
+    pub weights: DVector<f64>,
+    pub offsets: DVector<f64>,
+    /// The gᵢ as rows (n×D).
+    pub gradients: DMatrix<f64>,
+    pub least: f64,
+}
+
+impl Known {
+    pub fn of(&self, theta: &DVector<f64>) -> f64 {
+        let terms = &self.gradients * theta + &self.offsets;
+        -terms.iter().zip(&self.weights).map(|(term, w)| w * term.max(self.least)).sum::<f64>()
+    }
+
+    /// The same of e, where θ = θ₀ + L e.
+    pub fn along(&self, theta_0: &DVector<f64>, directions: &DMatrix<f64>) -> Known {
+        Known {
+            offsets: &self.offsets + &self.gradients * theta_0,
+            gradients: &self.gradients * directions,
+            ..self.clone()
+        }
+    }
 }
 
 impl Space {
     /// White noise around `theta_0`, no box.
     pub fn white(theta_0: DVector<f64>) -> Space {
         let dim = theta_0.len();
-        Space { theta_0, exploration: DMatrix::identity(dim, dim), bounds: None }
+        Space::new(theta_0, DMatrix::identity(dim, dim))
     }
 
     /// Noise along the columns of `directions` (D×k) around `theta_0`, no box.
@@ -118,7 +159,16 @@ impl Space {
         if columns > found || smallest <= RANK_TOLERANCE * largest || !largest.is_finite() {
             return Err(DirectionsError::Rank { directions: columns, smallest, largest });
         }
-        Ok(Space { theta_0, exploration: directions, bounds: None })
+        Ok(Space::new(theta_0, directions))
+    }
+
+    fn new(theta_0: DVector<f64>, exploration: DMatrix<f64>) -> Space {
+        Space { theta_0, exploration, bounds: None, directions: Vec::new(), known: None }
+    }
+
+    /// What is known of the direction `index`.
+    pub fn direction(&self, index: usize) -> Direction {
+        self.directions.get(index).copied().unwrap_or_default()
     }
 
     pub fn dim(&self) -> usize {

@@ -21,7 +21,9 @@ impl Subspace {
     /// If the columns of L are not independent; see [`Space::along`].
     pub fn new(space: Space, build: impl FnOnce(Space) -> Box<dyn Search>) -> Subspace {
         let k = space.exploration.ncols();
-        let inner = build(Space::white(DVector::zeros(k)));
+        let known = space.known.as_ref().map(|k| k.along(&space.theta_0, &space.exploration));
+        let directions = space.directions.clone();
+        let inner = build(Space { directions, known, ..Space::white(DVector::zeros(k)) });
         let normal = space.exploration.tr_mul(&space.exploration);
         let factor = normal.cholesky().expect("independent directions");
         let inverse = factor.solve(&space.exploration.transpose());

@@ -16,6 +16,8 @@ pub const TOLERANCE_UNKNOWN: f64 = f64::MIN;
 /// Bits of [`TrialNews::flags`].
 pub const TRIAL_SUCCESS: u64 = 1;
 pub const TRIAL_SET_ASIDE: u64 = 2;
+/// The mean of the search was executed, not a draw around it.
+pub const TRIAL_MEAN: u64 = 4;
 
 message! {
     /// One mode of the search, in the order of falling priors.

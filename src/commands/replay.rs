@@ -118,7 +118,7 @@ impl Again<'_> {
             format!("the store lacks policy {} of trial {}", trial.policy_id, trial.rollout)
         })?;
         let (header, records) = (self.execute)(&policy)?;
-        let (measures, success, reward) = self.judge.judge(&header, &records)?;
+        let (measures, success, reward) = self.judge.judge(&policy, &header, &records)?;
         let (fault, period_ns) = (header.fault, header.period_ns);
         Ok(Replayed { policy, measures, success, reward, fault, records, period_ns })
     }

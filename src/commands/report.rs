@@ -94,6 +94,7 @@ fn gather(folder: &SessionFolder, notes: &[(String, String)]) -> Result<ReportDa
                 theta: trial.theta.clone(),
                 reward: trial.reward,
                 success: trial.success,
+                is_mean: trial.is_mean,
                 measures: trial.measures,
                 fault: trial.fault,
             })

@@ -6,6 +6,7 @@ use serde_json::json;
 use crate::Verdict;
 use crate::cli::task::{TaskArgs, TaskVerb};
 use crate::config::Config;
+use crate::judging;
 use crate::output::{print, print_json};
 use crate::tasks;
 
@@ -14,7 +15,7 @@ pub fn run(args: &TaskArgs) -> Result<Verdict> {
     let mut text = String::new();
     let mut objects = Vec::new();
     for task in tasks::ALL {
-        let measures = task.measurer(&Config::of_task(task.name))?.declared();
+        let measures = judging::judge(&Config::of_task(task.name))?.declared();
         let names: Vec<&str> = measures.iter().map(|(name, _)| name.as_str()).collect();
         text +=
             &format!("{:<14}{}\n{:14}measures: {}\n", task.name, task.about, "", names.join(", "));

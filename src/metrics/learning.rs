@@ -69,7 +69,7 @@ impl Learning {
             ("best_reward", "Best reward of the session", best),
             (
                 "success_ratio",
-                "Share of successes in the last 20 trials",
+                "Share of successes in the last 20 draws around the search's mean",
                 self.session.success_last20(),
             ),
             ("modes", "Modes of the search", self.session.modes.len() as f64),

@@ -105,6 +105,8 @@ pub struct TrialRow {
     pub theta: DVector<f64>,
     pub reward: f64,
     pub success: bool,
+    /// It executed the mean of the search, no draw.
+    pub is_mean: bool,
     pub measures: Measures,
     /// First fault of the rollout, or 0.
     pub fault: u64,

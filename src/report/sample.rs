@@ -126,7 +126,7 @@ fn trial(rollout: u64) -> TrialRow {
     };
     let theta = DVector::from_fn(DIM, |i, _| skill * noise(100 * rollout + i as u64));
     let (measures, fault) = (measures(&measured), u64::from(rollout % 41 == 40));
-    TrialRow { rollout, theta, reward, success, measures, fault }
+    TrialRow { rollout, theta, reward, success, is_mean: false, measures, fault }
 }
 
 /// The measures of a pancake: those given, 0 the others.

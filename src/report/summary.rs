@@ -31,9 +31,10 @@ pub fn verdict(data: &ReportData) -> String {
     let which = if recent.len() < trials.len() { "the last " } else { "" };
     let succeed = if hits == 1 { "succeeds" } else { "succeed" };
     format!(
-        "First {success} at rollout {}; {hits} of {which}{} {succeed}; {best}.",
+        "First {success} at rollout {}; {hits} of {which}{} {succeed}{}; {best}.",
         first.rollout,
-        rollouts(recent.len())
+        rollouts(recent.len()),
+        means(recent)
     )
 }
 
@@ -54,6 +55,18 @@ pub fn solutions(data: &ReportData) -> String {
         fixed(best.reward, 3),
         best.rollout
     )
+}
+
+/// Which of them were no draws of the search.
+fn means(trials: &[TrialRow]) -> String {
+    let means = || trials.iter().filter(|trial| trial.is_mean);
+    match means().count() {
+        0 => String::new(),
+        n => {
+            let successes = means().filter(|trial| trial.success).count();
+            format!(" ({n} of them executed the mean itself, {successes} succeeded)")
+        }
+    }
 }
 
 fn recent(trials: &[TrialRow]) -> &[TrialRow] {

@@ -104,6 +104,7 @@ impl Draw {
                     floor_std,
                     floor_decay: self.uniform(0.95, 1.0),
                     floor_min: floor_std * self.log(0.01, 1.0),
+                    ..PowerConfig::default()
                 };
             }
             Method::Cem => {

@@ -2,6 +2,7 @@
 
 mod cmaes;
 mod comparison;
+mod compliance;
 mod contender;
 mod cost;
 mod drift;
@@ -19,6 +20,7 @@ mod simulation;
 mod skittles;
 mod statistics;
 mod tasks;
+mod textbook;
 mod tune;
 mod world;
 
@@ -82,12 +84,30 @@ pub const STUDIES: &[Study] = &[
         1,
         pancake::run_variants,
     ),
+    table_of(
+        "compliance",
+        "which stiffnesses are learnt, and what they are worth: heavy pancakes, pushes",
+        1,
+        compliance::run_seed,
+    ),
+    table_of(
+        "compliance-varying",
+        "the same learnt on pancakes of 20 to 120 g that bounce or not",
+        1,
+        compliance::run_varying_seed,
+    ),
+    table_of(
+        "dynamics",
+        "pancake flipping with both ways to simulate the arm",
+        1,
+        pancake::run_dynamics,
+    ),
     table_of("tasks", "tasks without an arm that know success, as they come", 2, tasks::run_seed),
     table_of("arm-tasks", "tasks with an arm, as they come", 1, tasks::run_arm_seed),
     table_of(
         "simulation",
         "how true the simulated step is: learnt policies against a converged world",
-        1,
+        2,
         simulation::run_seed,
     ),
     table_of("landscape", "the mixtures on the landscape, without a box", 2, landscape::run_seed),

@@ -2,7 +2,8 @@
 //! robust its answer is to another pancake.
 
 use anyhow::{Context, Result};
-use learner::exploration::ExplorationKind;
+use learner::compliance::ComplianceConfig;
+use learner::exploration::{ExplorationKind, StiffnessKind};
 use learner::judge::Judge;
 use learner::problem::Problem;
 use learner::reward::RewardKind;
@@ -20,10 +21,11 @@ use search::Search;
 use search::normals::stream;
 use search::power::{Elites, PowerConfig, Scatter, Weights};
 use shm_types::episode::{EpisodeHeader, MAX_RECORDS, TickRecord};
+use shm_types::policy::PolicyMsg;
 
 use super::Sample;
-use super::runs::session;
-use crate::config::Config;
+use super::runs::{Executed, session};
+use crate::config::{Config, DynamicsKind};
 use crate::{judging, setup};
 
 /// Perturbed rollouts that judge an answer.
@@ -31,8 +33,8 @@ const N_PERTURBED: u64 = 20;
 /// A first success by this rollout is an early one.
 const EARLY: u64 = 45;
 /// Streams of random numbers beyond those of the rollouts: worlds to judge in, worlds to learn in.
-const JUDGING: u64 = 1 << 32;
-const LEARNING: u64 = 2 << 32;
+pub const JUDGING: u64 = 1 << 32;
+pub const LEARNING: u64 = 2 << 32;
 /// Part of the pan's mass that a wrong model of the arm knows of.
 const KNOWN_MASS: f64 = 0.7;
 
@@ -44,12 +46,25 @@ struct Method {
     perturbed: bool,
     /// The controller's model of the arm has too light a pan.
     wrong_mass: bool,
+    dynamics: DynamicsKind,
 }
 
-const PLAIN: Method = Method { name: "", config: |_| {}, perturbed: false, wrong_mass: false };
+const PLAIN: Method = Method {
+    name: "",
+    config: |_| {},
+    perturbed: false,
+    wrong_mass: false,
+    dynamics: DynamicsKind::Multibody,
+};
 
 /// The default of `skillet learn pancake`.
 const DEFAULT: Method = Method { name: "demonstration", ..PLAIN };
+
+/// The default in both simulations.
+const DYNAMICS: &[Method] = &[
+    Method { name: "multibody", ..PLAIN },
+    Method { name: "split", dynamics: DynamicsKind::Split, ..PLAIN },
+];
 
 const VARIANTS: &[Method] = &[
     Method { name: "white", config: white, ..PLAIN },
@@ -64,6 +79,15 @@ const VARIANTS: &[Method] = &[
     },
 ];
 
+/// The default without what makes its stiffness vary: two factors for the whole movement, no pay for
+/// compliance, draws only.
+pub fn uniform(config: &mut LearnerConfig) {
+    config.exploration.grows = false;
+    config.exploration.stiffness = StiffnessKind::Uniform;
+    config.compliance = ComplianceConfig::off();
+    (config.search.power.mean_every, config.search.power.candidates) = (0, 1);
+}
+
 /// The default search on all parameters.
 fn white(config: &mut LearnerConfig) {
     config.exploration.kind = ExplorationKind::White;
@@ -73,6 +97,7 @@ fn white(config: &mut LearnerConfig) {
 fn paper(config: &mut LearnerConfig) {
     white(config);
     config.reward.kind = RewardKind::Paper;
+    config.compliance = ComplianceConfig::off();
     config.search.power = PowerConfig {
         n_elites: 5,
         elites: Elites::All,
@@ -85,6 +110,9 @@ fn paper(config: &mut LearnerConfig) {
         floor_std: 0.2,
         floor_decay: 0.99,
         floor_min: 0.05,
+        mean_every: 0,
+        candidates: 1,
+        ..PowerConfig::default()
     };
 }
 
@@ -93,8 +121,16 @@ pub fn run_seed(seed: u64) -> Result<Vec<Sample>> {
 }
 
 pub fn run_variants(seed: u64) -> Result<Vec<Sample>> {
+    run_methods(VARIANTS, seed)
+}
+
+pub fn run_dynamics(seed: u64) -> Result<Vec<Sample>> {
+    run_methods(DYNAMICS, seed)
+}
+
+fn run_methods(methods: &[Method], seed: u64) -> Result<Vec<Sample>> {
     let mut samples = Vec::new();
-    for method in VARIANTS {
+    for method in methods {
         samples.extend(run_method(method, seed)?);
     }
     Ok(samples)
@@ -103,50 +139,64 @@ pub fn run_variants(seed: u64) -> Result<Vec<Sample>> {
 fn run_method(method: &Method, seed: u64) -> Result<Vec<Sample>> {
     let mut config = Config::default();
     config.learner.seed = seed;
+    config.plant.dynamics = method.dynamics;
     (method.config)(&mut config.learner);
     let bench = Bench::new(config, method.wrong_mass)?;
     let demonstrations = setup::demonstrations(&bench.config)?;
-    let (successes, answer) = learn(&bench, &demonstrations, method.perturbed)?;
+    let world = |rollout| match method.perturbed {
+        true => bench.perturbed(seed, LEARNING + rollout),
+        false => bench.world,
+    };
+    let (executed, answer) = learn(&bench, &demonstrations, world)?;
+    let mut samples = summary(method.name, &executed);
+    let robust = bench.robustness(&answer, |n| bench.perturbed(seed, JUDGING + n))?;
+    samples.push(Sample::mean(method.name, "robustness", robust));
+    Ok(samples)
+}
 
-    let judged: Result<Vec<bool>> = (0..N_PERTURBED)
-        .map(|n| Ok(bench.rollout(&answer.0, &answer.1, &bench.perturbed(seed, JUDGING + n))?.0))
-        .collect();
-    let robust = judged?.into_iter().filter(|success| *success).count();
-    let first = successes.iter().position(|success| *success).map(|at| at as u64 + 1);
-    let late = &successes[successes.len().saturating_sub(LATE_TRIALS)..];
-    let late_rate = late.iter().filter(|success| **success).count() as f64 / late.len() as f64;
-    let name = method.name;
-    Ok(vec![
+/// When the first success came, and how often the last rollouts succeeded; executions of the mean apart.
+pub fn summary(name: &str, executed: &[Executed]) -> Vec<Sample> {
+    let first = executed.iter().find(|executed| executed.trial.success);
+    let first = first.map(|executed| executed.trial.rollout);
+    let late = &executed[executed.len().saturating_sub(LATE_TRIALS)..];
+    let rate = |of: &dyn Fn(&Executed) -> bool| {
+        let chosen: Vec<_> = late.iter().filter(|executed| of(executed)).collect();
+        let n = chosen.iter().filter(|executed| executed.trial.success).count();
+        (!chosen.is_empty()).then(|| n as f64 / chosen.len() as f64)
+    };
+    let all = rate(&|_| true).unwrap_or(0.0);
+    let mut samples = vec![
         Sample::median(name, "first success", first.map_or(f64::INFINITY, |first| first as f64)),
         Sample::rate(name, "success by 100", first.is_some()),
         Sample::rate(name, "success by 45", first.is_some_and(|first| first <= EARLY)),
-        Sample::mean(name, "success in the last 20", late_rate),
-        Sample::median(name, "success in the last 20, median", late_rate),
-        Sample::rate(name, "success in the last 20 below half", late_rate < 0.5),
-        Sample::mean(name, "robustness", robust as f64 / N_PERTURBED as f64),
-    ])
+        Sample::mean(name, "success in the last 20", all),
+        Sample::median(name, "success in the last 20, median", all),
+        Sample::rate(name, "success in the last 20 below half", all < 0.5),
+    ];
+    for (metric, is_mean) in [("of these, draws", false), ("of these, means", true)] {
+        let rate = rate(&|executed: &Executed| executed.is_mean == is_mean);
+        samples.extend(rate.map(|rate| Sample::mean(name, metric, rate)));
+    }
+    samples
 }
 
 /// A problem and the θ a search came to.
-type Answer = (Problem, DVector<f64>);
+pub type Answer = (Problem, DVector<f64>);
 
-/// Success of each rollout, and the search's answer.
-fn learn(
+/// What was executed, and the search's answer; `world` gives that of each rollout.
+pub fn learn(
     bench: &Bench,
     demonstrations: &[Demonstration],
-    perturbed: bool,
-) -> Result<(Vec<bool>, Answer)> {
+    world: impl Fn(u64) -> PancakeConfig,
+) -> Result<(Vec<Executed>, Answer)> {
     let config = &bench.config.learner;
     let problem = Problem::new(config, demonstrations)?;
     let mut search: Box<dyn Search> = problem.search(config);
-    let trials = session(&mut *search, config.rollouts, |rollout, theta| {
-        let world =
-            if perturbed { bench.perturbed(config.seed, LEARNING + rollout) } else { bench.world };
-        bench.rollout(&problem, theta, &world)
+    let executed = session(&mut *search, config.rollouts, |rollout, theta| {
+        bench.rollout(&problem, theta, &world(rollout))
     })?;
-    let successes = trials.iter().map(|trial| trial.success).collect();
     let mean = search.mean().clone();
-    Ok((successes, (problem, mean)))
+    Ok((executed, (problem, mean)))
 }
 
 /// Arm, controller and world of a method.
@@ -180,6 +230,19 @@ impl Bench {
         }
     }
 
+    /// The share of successes of an answer in some worlds.
+    pub fn robustness(
+        &self,
+        (problem, theta): &Answer,
+        world: impl Fn(u64) -> PancakeConfig,
+    ) -> Result<f64> {
+        let mut n = 0;
+        for draw in 0..N_PERTURBED {
+            n += u64::from(self.rollout(problem, theta, &world(draw))?.0);
+        }
+        Ok(n as f64 / N_PERTURBED as f64)
+    }
+
     /// Success and reward.
     pub fn rollout(
         &self,
@@ -187,10 +250,15 @@ impl Bench {
         theta: &DVector<f64>,
         world: &PancakeConfig,
     ) -> Result<(bool, f64)> {
-        let plant = PancakePlant::new(&self.arm, &self.config.plant.start_posture(), world);
-        let records = self.records(problem, theta, plant)?;
-        let (_, success, reward) = self.judge.judge(&EpisodeHeader::default(), &records)?;
+        let mut plant = PancakePlant::new(&self.arm, &self.config.plant.start_posture(), world);
+        let records = self.records(problem, theta, &mut plant)?;
+        let (_, success, reward) =
+            self.judge.judge(&self.policy(problem, theta), &EpisodeHeader::default(), &records)?;
         Ok((success, reward))
+    }
+
+    pub fn policy(&self, problem: &Problem, theta: &DVector<f64>) -> PolicyMsg {
+        problem.decode(theta, Default::default())
     }
 
     /// Of the policy θ on `plant`.
@@ -198,12 +266,12 @@ impl Bench {
         &self,
         problem: &Problem,
         theta: &DVector<f64>,
-        mut plant: P,
+        plant: &mut P,
     ) -> Result<Vec<TickRecord>> {
-        let policy = problem.decode(theta, Default::default());
+        let policy = self.policy(problem, theta);
         let (q0, config) = (self.config.plant.start_posture(), &self.config.controller);
         let referee = Referee::Toss(Toss::new(&TossConfig::default()));
-        let mut controlled = Controlled { model: &self.model, plant: &mut plant, q0, referee };
+        let mut controlled = Controlled { model: &self.model, plant, q0, referee };
         let mut records = vec![TickRecord::ZERO; MAX_RECORDS];
         let rollout = simulate(&mut controlled, config, &policy, &mut records)?;
         records.truncate(rollout.n_records);

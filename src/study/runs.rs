@@ -10,6 +10,12 @@ use search::trial::Trial;
 /// Trials at the end of a run that show what the search has come to.
 const LATE: usize = 20;
 
+/// A trial, and whether it was the search's mean that was executed and no draw around it.
+pub struct Executed {
+    pub trial: Trial,
+    pub is_mean: bool,
+}
+
 /// `n` trials of `search`; `reward` takes the number of the trial and θ, `observe` sees the search
 /// after each trial.
 pub fn trials<S: Search + ?Sized>(
@@ -20,9 +26,9 @@ pub fn trials<S: Search + ?Sized>(
 ) -> Vec<Trial> {
     let one = |rollout| {
         let execute = |theta: &DVector<f64>| Ok((false, reward(rollout, theta)));
-        let Ok(trial) = trial::<_, Infallible>(search, rollout, execute);
+        let Ok(executed) = trial::<_, Infallible>(search, rollout, execute);
         observe(search);
-        trial
+        executed.trial
     };
     (1..=n).map(one).collect()
 }
@@ -32,7 +38,7 @@ pub fn session<S: Search + ?Sized>(
     search: &mut S,
     n: u64,
     mut execute: impl FnMut(u64, &DVector<f64>) -> Result<(bool, f64)>,
-) -> Result<Vec<Trial>> {
+) -> Result<Vec<Executed>> {
     (1..=n).map(|rollout| trial(search, rollout, |theta| execute(rollout, theta))).collect()
 }
 
@@ -40,12 +46,14 @@ fn trial<S: Search + ?Sized, E>(
     search: &mut S,
     rollout: u64,
     execute: impl FnOnce(&DVector<f64>) -> Result<(bool, f64), E>,
-) -> Result<Trial, E> {
+) -> Result<Executed, E> {
     let theta = search.ask(rollout).theta;
+    // The first rollout is the start, which is nobody's mean yet.
+    let is_mean = rollout > 1 && theta == *search.mean();
     let (success, reward) = execute(&theta)?;
     let trial = Trial { rollout, theta, reward, success };
     search.tell(&trial);
-    Ok(trial)
+    Ok(Executed { trial, is_mean })
 }
 
 /// Mean reward of the last 20 trials.

@@ -74,13 +74,15 @@ fn learn(config: &Config, execute: &mut Executor) -> Result<Learnt> {
     let knows_ways = judge.declared().iter().any(|(name, _)| name == WAY);
     let mut ways = BTreeSet::new();
     let trials = session(&mut *search, config.learner.rollouts, |_, theta| {
-        let (header, records) = execute(&problem.decode(theta, Default::default()))?;
-        let (measures, success, reward) = judge.judge(&header, &records)?;
+        let policy = problem.decode(theta, Default::default());
+        let (header, records) = execute(&policy)?;
+        let (measures, success, reward) = judge.judge(&policy, &header, &records)?;
         if let Some(way) = measures.get(WAY).filter(|_| success) {
             ways.insert(way.to_bits());
         }
         Ok((success, reward))
     })?;
+    let trials = trials.into_iter().map(|executed| executed.trial).collect();
     Ok(Learnt { trials, ways: knows_ways.then_some(ways.len()) })
 }
 

@@ -2,6 +2,8 @@
 //! hangs from it on a string, and the ball is to be swung up and caught.
 
 use anyhow::Result;
+use learner::compliance::ComplianceConfig;
+use learner::exploration::StiffnessKind;
 use physics::cup::outcome::OutcomeTracker;
 use physics::cup::{CupConfig, CupPlant, WAM7_CUP_POSTURE};
 use physics::referee::Referee;
@@ -36,7 +38,8 @@ const WOOD: [f64; 4] = [0.62, 0.42, 0.22, 0.5];
 const RED: [f64; 4] = [0.84, 0.16, 0.16, 1.0];
 
 fn cup(config: &Config) -> CupConfig {
-    CupConfig { period_s: config.controller.period_s(), ..CupConfig::default() }
+    let (dynamics, period_s) = (config.plant.dynamics(), config.controller.period_s());
+    CupConfig { dynamics, period_s, ..CupConfig::default() }
 }
 
 fn configure(config: &mut Config) {
@@ -57,9 +60,13 @@ fn configure(config: &mut Config) {
     exploration.position_amplitude = 0.06;
     exploration.peak_offset_m = [0.02, 0.0, 0.02];
     exploration.tempo_s = 0.02;
+    // A swing grows no further, and comes back more than once.
+    (exploration.grows, exploration.stiffness) = (false, StiffnessKind::Uniform);
     exploration.position_log_stiffness = 0.2;
+    learner.compliance = ComplianceConfig::off();
     let power = &mut learner.search.power;
     (power.floor_min, power.floor_decay, power.min_successes) = (0.02, 0.8, 2);
+    (power.mean_every, power.candidates) = (0, 1);
 }
 
 fn world(config: &Config) -> Result<ArmWorld> {

@@ -5,6 +5,8 @@ use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 
+use learner::compliance::ComplianceConfig;
+
 use super::{Task, World, find};
 use crate::config::{Config, TaskConfig};
 
@@ -47,6 +49,9 @@ impl Config {
         (config.task.name, config.task.options) = (name.into(), options);
         // One that is not known is refused when the configuration is checked.
         if let Ok(task) = find(name) {
+            if !task.has_arm() {
+                config.learner.compliance = ComplianceConfig::off();
+            }
             (task.configure)(&mut config);
         }
         config
@@ -88,6 +93,13 @@ impl Config {
             World::Arm(_) => 0,
             World::Action(world) => world(self).dim(),
         };
+        if !task.has_arm() && self.learner.compliance.pays() {
+            bail!(
+                "learner.compliance.weight is {}: the task {name} has no arm, so no stiffness to pay for; \
+                 set it to 0",
+                self.learner.compliance.weight
+            );
+        }
         let found = self.learner.action.start.len();
         if found != expected {
             bail!("learner.action.start has {found} numbers: the task {name} takes {expected}");

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
 use shm_types::measures::Measures;
-use shm_types::news::{MeasuresNews, ModeNews, TRIAL_SUCCESS, TrialNews};
+use shm_types::news::{MeasuresNews, ModeNews, TRIAL_MEAN, TRIAL_SUCCESS, TrialNews};
 
 /// Trials remembered.
 const TRIALS: usize = 1000;
@@ -15,6 +15,7 @@ pub struct Trial {
     pub rollout: u64,
     pub reward: f64,
     pub success: bool,
+    pub is_mean: bool,
 }
 
 /// What is told first are trials of before, however old.
@@ -51,7 +52,9 @@ impl WatchedSession {
                 self.last_told = Some(Instant::now());
             }
             let success = news.has(TRIAL_SUCCESS);
-            self.trials.push_back(Trial { rollout: news.rollout, reward: news.reward, success });
+            let is_mean = news.has(TRIAL_MEAN);
+            let (rollout, reward) = (news.rollout, news.reward);
+            self.trials.push_back(Trial { rollout, reward, success, is_mean });
             if self.trials.len() > TRIALS {
                 self.trials.pop_front();
             }
@@ -81,11 +84,11 @@ impl WatchedSession {
         self.last_told.map(|at| at.elapsed())
     }
 
-    /// Share of successes among the last 20 trials.
+    /// Share of successes among the last 20 draws; where the search executes its own mean is no draw.
     pub fn success_last20(&self) -> f64 {
-        let late = self.trials.iter().rev().take(20);
-        let n_late = late.len().max(1) as f64;
-        late.filter(|trial| trial.success).count() as f64 / n_late
+        let draws = self.trials.iter().rev().filter(|trial| !trial.is_mean).take(20);
+        let late: Vec<bool> = draws.map(|trial| trial.success).collect();
+        late.iter().filter(|success| **success).count() as f64 / late.len().max(1) as f64
     }
 }
 

@@ -196,7 +196,7 @@ fn reward(frame: &mut Frame, model: &Model, area: Rect) {
         .collect();
     let title = match model.session.best() {
         Some((rollout, reward)) => format!(
-            " reward: best {:.3} at rollout {}, {:.0} % of the last 20 succeed, {} of {}{} ",
+            " reward: best {:.3} at rollout {}, {:.0} % of the last 20 draws succeed, {} of {}{} ",
             reward,
             rollout,
             100.0 * model.session.success_last20(),
@@ -288,7 +288,8 @@ mod tests {
         assert!(drawn(&model, &Prompt::None).contains("asking the controller"));
         let status = Status { latched_fault: FAULT_HELD, learner_age_ns: 0, ..Status::ZERO };
         model.vitals.answered(status);
-        let trial = |rollout, reward| Trial { rollout, reward, success: reward > 1.0 };
+        let trial =
+            |rollout, reward| Trial { rollout, reward, success: reward > 1.0, is_mean: false };
         model.session.trials.extend([trial(1, 0.5), trial(2, 1.5)]);
         model.session.rollouts = 10;
         let text = drawn(&model, &Prompt::None);

@@ -15,6 +15,17 @@ fn config(task_dim: usize) -> LearnerConfig {
     LearnerConfig { task_dim, ..LearnerConfig::default() }
 }
 
+/// Two factors of stiffness for the whole movement.
+fn uniform(task_dim: usize) -> LearnerConfig {
+    with_stiffness(task_dim, StiffnessKind::Uniform)
+}
+
+fn with_stiffness(task_dim: usize, stiffness: StiffnessKind) -> LearnerConfig {
+    let mut config = config(task_dim);
+    config.exploration.stiffness = stiffness;
+    config
+}
+
 fn space(config: &LearnerConfig, demonstration: &Demonstration) -> Space {
     Problem::new(config, std::slice::from_ref(demonstration))
         .expect("independent directions")
@@ -26,13 +37,13 @@ fn space(config: &LearnerConfig, demonstration: &Demonstration) -> Space {
 fn what_is_not_learnt_or_not_there_gives_no_direction() {
     // Amplitude, offset, tempo and stiffness of the position; with pitch, three more.
     for (task_dim, directions) in [(3, 4), (4, 7), (6, 7)] {
-        let space = space(&config(task_dim), &pancake());
+        let space = space(&uniform(task_dim), &pancake());
         assert_eq!(space.exploration.ncols(), directions, "task_dim {task_dim}");
     }
     let mut level = pancake().poses().to_vec();
     level.iter_mut().for_each(|pose| pose[N_POSITIONS..].fill(0.0));
     let level = pancake().with_poses(level);
-    assert_eq!(space(&config(4), &level).exploration.ncols(), 5, "no amplitude, no lag");
+    assert_eq!(space(&uniform(4), &level).exploration.ncols(), 5, "no amplitude, no lag");
 
     let mut reach = pancake().poses().to_vec();
     let last = reach.len() as f64 - 1.0;
@@ -44,7 +55,7 @@ fn what_is_not_learnt_or_not_there_gives_no_direction() {
 
 #[test]
 fn amounts_of_zero_leave_directions_out() {
-    let mut config = config(4);
+    let mut config = uniform(4);
     config.exploration.tempo_s = 0.0;
     config.exploration.peak_offset_m = [0.05, 0.02, 0.0];
     config.exploration.rotation_log_stiffness = 0.0;
@@ -55,7 +66,7 @@ fn amounts_of_zero_leave_directions_out() {
 
 #[test]
 fn each_direction_changes_what_it_says() {
-    let (config, pancake) = (config(4), pancake());
+    let (config, pancake) = (uniform(4), pancake());
     let columns = space(&config, &pancake).exploration;
     // Per component: x, y, z, pitch, then log K by rows of its lower triangle.
     let entry =
@@ -89,4 +100,103 @@ fn one_unit_along_a_direction_is_the_altered_demonstration() {
     let initial = initial_policy(&pancake, &config.initial_policy());
     let map = ParameterMap::new(&initial, config.scales).unwrap();
     assert!((theta - map.encode(&refitted).unwrap()).amax() < 1e-12);
+}
+
+/// How many directions of stiffness there are, and that all but uniform ones open late.
+#[test]
+fn stiffness_has_the_directions_that_were_asked_for() {
+    let kinematic = 5;
+    for (kind, n) in [
+        (StiffnessKind::Fixed, 0),
+        (StiffnessKind::Uniform, 2),
+        (StiffnessKind::Phases, 4),
+        (StiffnessKind::Components, 16),
+        // And z with pitch, the two that move, before and after the peak.
+        (StiffnessKind::Full, 6),
+    ] {
+        let space = space(&with_stiffness(4, kind), &pancake());
+        assert_eq!(space.exploration.ncols(), kinematic + n, "{kind:?}");
+        for (i, direction) in space.directions.iter().enumerate() {
+            assert_eq!(direction.grows, i == 0, "{kind:?}: only the position's amplitude");
+            let is_late = i >= kinematic && kind != StiffnessKind::Uniform;
+            assert_eq!(direction.late, is_late, "{kind:?}, direction {i}");
+        }
+    }
+}
+
+/// The phases of the pancake: components at 0, 0.2, 0.4 and 0.6 s come before the peak at 0.75 s.
+#[test]
+fn phases_change_the_stiffness_on_their_side_of_the_peak() {
+    let space = space(&with_stiffness(4, StiffnessKind::Full), &pancake());
+    let entry = |column: usize, component: usize, entry: usize| {
+        space.exploration[(14 * component + entry, column)]
+    };
+    // Diagonal entries of log K: x, y, z at 4, 6 and 9, pitch at 13; z with pitch at 12.
+    for (column, components, entries, amount) in [
+        (5, 0..4, vec![4, 6, 9], 0.4),
+        (6, 0..4, vec![13], 0.4),
+        (7, 4..8, vec![4, 6, 9], 0.8),
+        (8, 4..8, vec![13], 0.8),
+        (9, 0..4, vec![12], 0.15),
+        (10, 4..8, vec![12], 0.15),
+    ] {
+        for component in 0..8 {
+            for j in 0..14 {
+                let is_meant = components.contains(&component) && entries.contains(&j);
+                let expected = if is_meant { amount / 0.3 } else { 0.0 };
+                let found = entry(column, component, j);
+                assert!((found - expected).abs() < 1e-9, "{column} {component} {j}: {found}");
+            }
+        }
+    }
+}
+
+#[test]
+fn movements_without_one_peak_have_no_phases() {
+    let height = |z: &dyn Fn(f64) -> f64| {
+        let mut poses = pancake().poses().to_vec();
+        let last = poses.len() as f64 - 1.0;
+        for (k, pose) in poses.iter_mut().enumerate() {
+            *pose = pancake().poses()[0];
+            pose[2] += z(k as f64 / last);
+        }
+        pancake().with_poses(poses)
+    };
+    let refusal = |demonstration: &Demonstration, components: usize| {
+        let mut config = config(4);
+        config.n_components = components;
+        let problem = Problem::new(&config, std::slice::from_ref(demonstration));
+        problem.err().map(|error| error.to_string())
+    };
+    let reach = height(&|s| 0.2 * s);
+    let message = refusal(&reach, 8).unwrap();
+    assert!(message.contains("does not go out and come back"), "{message}");
+    assert!(message.contains("learner.exploration.stiffness"), "{message}");
+    let swings = height(&|s| 0.2 * (4.0 * PI * s).sin());
+    let message = refusal(&swings, 8).unwrap();
+    assert!(message.contains("comes back twice, at 0."), "{message}");
+    let wound_up = height(&|s| if s < 0.3 { -0.1 } else { 0.2 } * (PI * s).sin().abs());
+    assert_eq!(refusal(&wound_up, 8), None, "winding up is no second peak");
+    let early = height(&|s| 0.2 * (PI * s.powf(0.2)).sin());
+    let message = refusal(&early, 2);
+    assert_eq!(message, None);
+    let message = refusal(&pancake(), 1).unwrap();
+    assert!(message.contains("none of the 1 components lies after"), "{message}");
+}
+
+#[test]
+fn attractors_stay_within_reach() {
+    let mut config = config(4);
+    config.exploration.attractor_reach_m = 0.1;
+    let problem = Problem::new(&config, &[pancake()]).unwrap();
+    let space = &problem.spaces[0];
+    let far = &space.theta_0 + space.exploration.column(0) * 50.0;
+    let policy = problem.decode(&space.inside(far), Default::default());
+    let start = problem.decode(&space.theta_0, Default::default());
+    let heights = |policy: &PolicyMsg| {
+        let z = policy.components().iter().map(|component| component.attractor[2]);
+        z.fold((f64::MAX, f64::MIN), |(low, high), z| (z.min(low), z.max(high)))
+    };
+    let ((low, high), (start_low, start_high)) = (heights(&policy), heights(&start));
+    assert!((low - start_low + 0.1).abs() < 1e-9 && (high - start_high - 0.1).abs() < 1e-9);
 }

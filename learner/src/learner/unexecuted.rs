@@ -80,6 +80,7 @@ impl Learner {
             fault: 0,
             n_records: 0,
             set_aside: false,
+            is_mean: self.is_mean(proposal),
             measures: Measures::NONE,
         })
     }

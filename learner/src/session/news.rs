@@ -2,8 +2,8 @@
 
 use shm_types::SCHEMA;
 use shm_types::news::{
-    MAX_MODES, MeasuresNews, ModeNews, TOLERANCE_UNKNOWN, TRIAL_HISTORY, TRIAL_SET_ASIDE,
-    TRIAL_SUCCESS, TrialNews,
+    MAX_MODES, MeasuresNews, ModeNews, TOLERANCE_UNKNOWN, TRIAL_HISTORY, TRIAL_MEAN,
+    TRIAL_SET_ASIDE, TRIAL_SUCCESS, TrialNews,
 };
 use shm_types::ports::LearnerPorts;
 
@@ -59,7 +59,9 @@ impl News {
             rollouts: learner.rollouts(),
             policy_digest: trial.policy_digest,
             fault: trial.fault,
-            flags: flag(TRIAL_SUCCESS, trial.success) | flag(TRIAL_SET_ASIDE, trial.set_aside),
+            flags: flag(TRIAL_SUCCESS, trial.success)
+                | flag(TRIAL_SET_ASIDE, trial.set_aside)
+                | flag(TRIAL_MEAN, trial.is_mean),
             reward: trial.reward,
             n_modes: self.modes.len() as u64,
             modes,

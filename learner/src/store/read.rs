@@ -7,7 +7,7 @@ use shm_types::measures::{Measure, Measures};
 use shm_types::policy::PolicyMsg;
 
 use super::rows::{
-    Event, TRIAL_COLUMNS, TrialRecord, from_hex, integer, signed, trial_from_row, vector,
+    Event, IS_MEAN, TRIAL_COLUMNS, TrialRecord, from_hex, integer, signed, trial_from_row, vector,
 };
 use super::{Store, StoreError, meta};
 use crate::path::{self, PathRow};
@@ -38,7 +38,7 @@ impl Store {
 
     /// All trials in the order of their rollouts.
     pub fn trials(&self) -> Result<Vec<TrialRecord>, StoreError> {
-        let query = format!("SELECT {TRIAL_COLUMNS} FROM trials ORDER BY rollout");
+        let query = format!("SELECT {TRIAL_COLUMNS}, {IS_MEAN} FROM trials ORDER BY rollout");
         let mut statement = self.sql(self.connection.prepare(&query))?;
         let rows = self.sql(statement.query_map([], trial_from_row))?;
         let trials = rows.map(|row| self.sql(row)?.map_err(|detail| self.corrupt(detail)));

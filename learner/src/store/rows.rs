@@ -47,6 +47,8 @@ pub struct TrialRecord {
     pub n_records: u64,
     /// It gave no usable episode, or no verdict; the search was not told.
     pub set_aside: bool,
+    /// What was executed is the mean of the search, not a draw around it.
+    pub is_mean: bool,
     /// Those of the session, or none where nothing was executed.
     pub measures: Measures,
 }
@@ -101,6 +103,11 @@ pub struct Step<'a> {
 pub(super) const TRIAL_COLUMNS: &str = "rollout, theta, reward, policy_id, policy_digest, boot_id, \
      applied_tick, fault, n_records, set_aside, success";
 
+/// Whether a trial executed the mean that the search had before it, the column after these. Before the
+/// first there is none.
+pub(super) const IS_MEAN: &str =
+    "EXISTS (SELECT 1 FROM searches WHERE searches.rollout = trials.rollout - 1 AND mean = theta)";
+
 /// A trial without its measures; the error says which value is damaged.
 pub(super) fn trial_from_row(row: &Row<'_>) -> rusqlite::Result<Result<TrialRecord, String>> {
     let rollout = integer(row.get(0)?);
@@ -126,6 +133,7 @@ pub(super) fn trial_from_row(row: &Row<'_>) -> rusqlite::Result<Result<TrialReco
         fault: integer(row.get(7)?),
         n_records: integer(row.get(8)?),
         set_aside: row.get(9)?,
+        is_mean: row.get(11)?,
         measures: Measures::NONE,
     }))
 }

@@ -51,6 +51,7 @@ pub(super) fn record(rollout: u64) -> TrialRecord {
         fault: 2,
         n_records: 25,
         set_aside: false,
+        is_mean: false,
         measures: measures(),
     }
 }

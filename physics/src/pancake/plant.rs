@@ -80,7 +80,7 @@ impl Scene for PancakeScene {
             }
             PanArm::Split { arm, pan } => {
                 let free = arm.free(model, tau, config.period_s);
-                let push = pan.step(&mut self.world, &free, self.pancake.0);
+                let push = pan.step(&mut self.world, &free);
                 arm.finish(model, &free, &push);
             }
         }

@@ -1,16 +1,11 @@
 //! An arm that is integrated to second order: first as if nothing touched it, then with what did.
 
-use nalgebra::{Cholesky, Const, Vector6};
+use nalgebra::{Cholesky, Vector6};
 
-use super::EquivalentBody;
 use super::stops::Stops;
+use super::{EquivalentBody, MassFactor};
 use crate::arm::dynamics;
-use crate::arm::{
-    ArmModel, BodyFrames, Jacobian, JointMatrix, JointVector, MAX_JOINTS, TipKinematics,
-};
-
-/// A factorised mass matrix.
-pub(super) type MassFactor = Cholesky<f64, Const<MAX_JOINTS>>;
+use crate::arm::{ArmModel, BodyFrames, Jacobian, JointMatrix, JointVector, TipKinematics};
 
 /// Where the joints are and how fast they move, rad and rad/s.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Rotation3, SMatrix, UnitQuaternion, Vector2, Vector3};
 
-use super::arm::MassFactor;
+use super::MassFactor;
 use crate::arm::{Jacobian, MAX_JOINTS};
 
 /// Directions in which a tip gives way less than this, in 1/kg or 1/(kg·m²), are taken to give way

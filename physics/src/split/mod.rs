@@ -10,6 +10,13 @@ mod equivalent;
 mod stops;
 mod tip;
 
+use nalgebra::{Cholesky, Const};
+
+use crate::arm::MAX_JOINTS;
+
 pub use arm::{Arm, FreeMotion, Push};
 pub use equivalent::EquivalentBody;
 pub use tip::TipBody;
+
+/// A factorised mass matrix.
+type MassFactor = Cholesky<f64, Const<MAX_JOINTS>>;

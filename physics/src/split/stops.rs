@@ -1,6 +1,6 @@
 //! Joint stops: rigid, inelastic, and they only push back.
 
-use super::arm::MassFactor;
+use super::MassFactor;
 use crate::arm::{Jacobian, JointLimits, JointMatrix, JointVector, MAX_JOINTS};
 
 /// Most sweeps over the joints; a stop that pushes another joint onto its own needs a few.

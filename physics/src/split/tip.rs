@@ -15,7 +15,10 @@ use crate::rapier::convert::{from_glam_rotation, from_glam_vector, to_glam_pose,
 ///
 /// Rapier's sub-steps of dt are those of a leapfrog: x' = x + v'·dt is exact to second order if v' is
 /// the speed half a sub-step before x'. So the body is given the speed the tip had half a sub-step ago;
-/// else what lies on it would slide by Δv·dt/2 as it speeds up.
+/// else what lies on it would slide by Δv·dt/2 as it speeds up. And Rapier keeps the levers of a contact
+/// as they were when a step begins: v + ω × r with an r that does not turn. So the body is accelerated as
+/// the origin of P is, where things are met, without ω × (ω × r) of its centre of mass; else what it throws
+/// would be slower by ω²·r·T, with T the whole period.
 pub struct TipBody {
     body: RigidBodyHandle,
     /// Impulses of the last two periods [N·s; N·m·s], world axes, about the tip's origin.
@@ -56,17 +59,11 @@ impl TipBody {
         self.body
     }
 
-    /// Lets the world pass a period in which the tip moves as `free` unless it meets `object`.
-    pub fn step(
-        &mut self,
-        world: &mut PhysicsWorld,
-        free: &FreeMotion,
-        object: RigidBodyHandle,
-    ) -> Push {
+    /// Lets the world pass a period in which the tip moves as `free` unless it meets something.
+    pub fn step(&mut self, world: &mut PhysicsWorld, free: &FreeMotion) -> Push {
         let expected = self.set_out(world, free);
         world.step();
-        let mut push = self.meet(world, free, &expected);
-        turn_on(world, free, object, &mut push);
+        let push = self.meet(world, free, &expected);
         self.met = [push.impulse, self.met[0]];
         push
     }
@@ -91,8 +88,6 @@ impl TipBody {
             linear: push.linear / body.mass,
             angular: I_inv * (push.angular - r.cross(&push.linear)),
         };
-        let omega = Motion::of(&free.middle.v).angular;
-        let arms = Motion { linear: arms.linear + omega.cross(&omega.cross(&r)), ..arms };
         let a = arms + bodys * -1.0;
 
         let n_substeps = world.integration_parameters.num_solver_iterations;
@@ -141,21 +136,6 @@ impl TipBody {
         let moved = from_glam_vector(rapier.center_of_mass()) - expected.p_WBcm;
         let impulse = push(v, omega);
         Push { impulse, reach: push(moved, small_turn(&expected.R_WP, &R_WP)) }
-    }
-}
-
-/// Rapier keeps the normals of contacts as they were when a step begins, while the tip turns by ω·dt: what
-/// two bodies do to each other is turned on by the half of it.
-fn turn_on(world: &mut PhysicsWorld, free: &FreeMotion, object: RigidBodyHandle, push: &mut Push) {
-    let turn = Motion::of(&free.middle.v).angular * (free.dt / 2.0);
-    let change = turn.cross(&Motion::of(&push.impulse).linear);
-    for i in 0..3 {
-        push.impulse[i] += change[i];
-    }
-    if change != Vector3::zeros() {
-        let object = &mut world.bodies[object];
-        let v = from_glam_vector(object.linvel()) - change / object.mass();
-        object.set_linvel(to_glam_vector(&v), false);
     }
 }
 

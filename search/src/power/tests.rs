@@ -2,8 +2,10 @@
 
 use serde::Deserialize;
 
+use super::super::normals::{standard_normal, stream};
 use super::super::vectors::{matrix, read, trials};
 use super::*;
+use crate::space::{Direction, Known};
 
 #[derive(Deserialize)]
 struct Case {
@@ -34,6 +36,11 @@ fn plain() -> PowerConfig {
         weights: Weights::Reward,
         scatter: Scatter::Old,
         memory: 0,
+        mean_every: 0,
+        candidates: 1,
+        late_std: 0.5,
+        late_decay: 1.0,
+        late_min: 0.1,
     }
 }
 
@@ -308,4 +315,120 @@ fn the_scatter_of_weighted_elites_is_unbiased() {
     }
     assert!((unbiased(&[0.25; 4]) - 4.0 / 3.0).abs() < 1e-15, "m/(m − 1) of equal weights");
     assert_eq!(unbiased(&[1.0]), 1.0);
+}
+
+/// Three parameters: the first grows, the last is late.
+fn staged(config: PowerConfig) -> Power {
+    let directions = vec![
+        Direction { grows: true, late: false },
+        Direction::default(),
+        Direction { grows: false, late: true },
+    ];
+    let space = Space { directions, ..Space::white(DVector::zeros(3)) };
+    Power::new(config, 7, space)
+}
+
+fn executes(search: &mut Power, rollouts: std::ops::RangeInclusive<u64>, success: bool) {
+    for rollout in rollouts {
+        let theta = search.ask(rollout).theta;
+        // More of the first parameter pays.
+        let reward = 1.0 + theta[0].tanh();
+        search.tell(&Trial { rollout, theta, reward, success });
+    }
+}
+
+#[test]
+fn what_grows_is_tried_forwards_first() {
+    let config = PowerConfig { n_initial: 12, ..PowerConfig::default() };
+    let mut search = staged(config);
+    executes(&mut search, 1..=1, false);
+    let first = |search: &Power, sign: f64| {
+        (2..30).all(|rollout| sign * search.ask(rollout).theta[0] >= 0.0)
+    };
+    let second = (2..30).filter(|&rollout| search.ask(rollout).theta[1] < 0.0).count();
+    assert!(first(&search, 1.0) && second > 5, "only what grows");
+    executes(&mut search, 2..=8, false);
+    assert!(first(&search, 1.0), "what was tried says so too");
+
+    let mut less = staged(config);
+    for rollout in 1..=4 {
+        let theta = less.ask(rollout).theta;
+        less.tell(&Trial { rollout, reward: 2.0 - theta[0].tanh(), theta, success: false });
+    }
+    assert!(!first(&less, 1.0), "forwards pays less");
+    let mut good = staged(config);
+    executes(&mut good, 1..=1, true);
+    assert!(!first(&good, 1.0), "a start that succeeds is not too slow");
+}
+
+#[test]
+fn late_directions_open_with_the_phase_of_successes() {
+    let config = PowerConfig {
+        n_initial: 3,
+        min_successes: 2,
+        mean_every: 0,
+        late_std: 0.4,
+        late_decay: 0.5,
+        late_min: 0.15,
+        ..PowerConfig::default()
+    };
+    let mut search = staged(config);
+    executes(&mut search, 1..=9, false);
+    assert!((10..40).all(|rollout| search.ask(rollout).theta[2] == 0.0), "closed");
+    executes(&mut search, 10..=11, true);
+    // The update after the second success opens it, and that success let its floor fall already.
+    assert!((search.floor_along(2) - 0.2).abs() < 1e-12, "{}", search.floor_along(2));
+    assert!((search.floor_along(1) - 0.45).abs() < 1e-12, "the others have their own floor");
+    assert!(search.ask(12).theta[2] != 0.0);
+    executes(&mut search, 12..=14, true);
+    assert_eq!(search.floor_along(2), 0.15);
+}
+
+#[test]
+fn in_the_phase_of_successes_the_mean_is_executed_now_and_then() {
+    let config =
+        PowerConfig { n_initial: 3, min_successes: 2, mean_every: 4, ..PowerConfig::default() };
+    let mut search = staged(config);
+    let is_mean = |search: &Power, rollout| search.ask(rollout).theta == *search.mean();
+    let mut means = Vec::new();
+    for rollout in 1..=20 {
+        if rollout > 1 && is_mean(&search, rollout) {
+            means.push(rollout);
+        }
+        executes(&mut search, rollout..=rollout, rollout >= 7);
+    }
+    // Succeeding since the update after rollout 8: three draws, a mean, and so on.
+    assert_eq!(means, [12, 16, 20]);
+}
+
+#[test]
+fn after_a_success_the_candidate_with_the_highest_known_reward_is_executed() {
+    let known = Known {
+        weights: DVector::from_element(1, 1.0),
+        offsets: DVector::zeros(1),
+        gradients: DMatrix::from_row_slice(1, 3, &[0.0, 1.0, 1.0]),
+        least: -1e9,
+    };
+    let config =
+        PowerConfig { n_initial: 3, min_successes: 2, mean_every: 0, ..PowerConfig::default() };
+    let with = |candidates| {
+        let mut search = staged(PowerConfig { candidates, ..config });
+        search.space.known = Some(known.clone());
+        executes(&mut search, 1..=8, false);
+        executes(&mut search, 9..=12, true);
+        search
+    };
+    let (one, five) = (with(1), with(5));
+    let mean_of = |search: &Power| {
+        (13..213).map(|rollout| known.of(&search.ask(rollout).theta)).sum::<f64>() / 200.0
+    };
+    // The larger of five of a normal distribution lies 1.16 of its deviations above the mean.
+    let spread = (13..213).map(|rollout| known.of(&one.ask(rollout).theta).powi(2)).sum::<f64>();
+    let deviation = (spread / 200.0 - mean_of(&one).powi(2)).sqrt();
+    let gain = (mean_of(&five) - mean_of(&one)) / deviation;
+    assert!(gain > 0.8, "{gain}");
+    let mut failed = with(5);
+    executes(&mut failed, 13..=13, false);
+    let plain = failed.draw(14);
+    assert_eq!(failed.ask(14).theta, plain, "after a failure a plain draw");
 }

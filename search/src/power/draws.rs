@@ -1,0 +1,90 @@
+//! What of the distribution is executed: a draw, the best of some draws, or the mean.
+
+use nalgebra::DVector;
+
+use super::Power;
+use crate::normals::{standard_normal, stream};
+
+/// Streams of the further candidates of a rollout lie this far apart.
+const CANDIDATES: u64 = 1 << 48;
+
+/// A correlation below this, of so many trials, says that going forwards pays less.
+const PAYS_LESS: f64 = -0.5;
+const ENOUGH: usize = 4;
+
+impl Power {
+    /// Of the phase of successes every so-and-so-many rollouts.
+    pub(super) fn is_turn_of_mean(&self) -> bool {
+        let every = self.config.mean_every;
+        every > 0 && self.n_succeeding.is_some_and(|n| (n + 1).is_multiple_of(every))
+    }
+
+    /// The draw of `rollout` whose known reward is highest; after a failure a plain draw, since more of
+    /// what is known to pay may be what failed.
+    pub(super) fn best_draw(&self, rollout: u64) -> DVector<f64> {
+        let first = self.draw(rollout);
+        let Some(known) = &self.space.known else { return first };
+        if self.n_succeeding.is_none() || !self.last_succeeded {
+            return first;
+        }
+        let further =
+            (1..self.config.candidates as u64).map(|n| self.draw(rollout + n * CANDIDATES));
+        let worth = |theta: DVector<f64>| (known.of(&theta), theta);
+        let best = further.map(worth).fold(worth(first), |a, b| if b.0 > a.0 { b } else { a });
+        best.1
+    }
+
+    /// Eq. (6), sampling: θ = Θ⁽ⁿ⁾ + Σₘ fₘ zₘ + σ₀ z with zₘ, z ~ 𝒩(0, 1), moved into the box where
+    /// one is known.
+    ///
+    /// Its covariance is Σₘ fₘfₘᵀ + σ₀²I = Σ⁽ⁿ⁾ exactly; a Cholesky factor of the D×D matrix would
+    /// give the same distribution for more work and another rounding on every linear algebra
+    /// library.
+    pub(super) fn draw(&self, number: u64) -> DVector<f64> {
+        let mut theta = self.mean.clone();
+        let mut rng = stream(self.seed, number);
+        for factor in self.factors.iter().flatten() {
+            theta += factor * standard_normal(&mut rng);
+        }
+        for i in 0..theta.len() {
+            let z = standard_normal(&mut rng);
+            let z = if self.goes_forwards_only(i) { z.abs() } else { z };
+            theta[i] += self.floor_along(i) * z;
+        }
+        theta
+    }
+
+    /// Standard deviation of the isotropic part along parameter `i`; that of late ones is 0 until the
+    /// elites are successes.
+    pub(super) fn floor_along(&self, i: usize) -> f64 {
+        if !self.space.direction(i).late {
+            return self.floor();
+        }
+        if self.n_succeeding.is_none() {
+            return 0.0;
+        }
+        let floor = self.config.late_std * self.config.late_decay.powf(self.n_falls as f64);
+        floor.max(self.config.late_min)
+    }
+
+    /// In the initial batch a direction that grows is tried forwards only, unless the start succeeds or
+    /// what was tried so far says clearly that forwards pays less.
+    fn goes_forwards_only(&self, i: usize) -> bool {
+        if self.factors.is_some() || !self.space.direction(i).grows {
+            return false;
+        }
+        let pairs: Vec<(f64, f64)> = self.initial.iter().map(|t| (t.theta[i], t.reward)).collect();
+        self.initial.first().is_some_and(|start| !start.success)
+            && (pairs.len() < ENOUGH || correlation(&pairs) > PAYS_LESS)
+    }
+}
+
+/// Pearson's; 0 where one of the two does not vary.
+fn correlation(pairs: &[(f64, f64)]) -> f64 {
+    let n = pairs.len() as f64;
+    let mean = |of: &dyn Fn(&(f64, f64)) -> f64| pairs.iter().map(of).sum::<f64>() / n;
+    let (a, b) = (mean(&|pair| pair.0), mean(&|pair| pair.1));
+    let covariance = mean(&|pair| (pair.0 - a) * (pair.1 - b));
+    let spread = (mean(&|pair| (pair.0 - a).powi(2)) * mean(&|pair| (pair.1 - b).powi(2))).sqrt();
+    if spread > 0.0 { covariance / spread } else { 0.0 }
+}

@@ -1,0 +1,248 @@
+//! What varying stiffness is worth: which stiffnesses are learnt, on which world they are tried.
+//!
+//! Every kind has the same directions of movement, the same draws along them, the same reward and the same
+//! choice among candidates. The heavy, bouncy pancake and the push were fixed before any result was seen.
+
+use anyhow::Result;
+use learner::LearnerConfig;
+use learner::activation::policy_activations;
+use learner::exploration::StiffnessKind;
+use nalgebra::{Vector3, Vector6};
+use physics::arm::{ArmModel, JointVector, TipKinematics};
+use physics::pancake::{PancakeConfig, PancakePlant};
+use physics::plant::{Measurement, Plant};
+use rand::RngExt;
+use search::normals::stream;
+use shm_types::episode::{EpisodeHeader, TickRecord};
+use shm_types::policy::PolicyMsg;
+
+use super::Sample;
+use super::pancake::{Answer, Bench, JUDGING, LEARNING, learn, summary, uniform};
+use crate::config::{Config, DynamicsKind};
+use crate::setup;
+
+/// A pancake of this mass, kg, and restitution, never learnt on.
+const HEAVY: (f64, f64) = (0.1, 0.4);
+/// Worlds to learn in that vary: mass, kg, and restitution are drawn from these.
+const MASSES: [f64; 2] = [0.02, 0.12];
+const RESTITUTIONS: [f64; 2] = [0.0, 0.4];
+/// A person's push on the pan, downwards, N, from the crossing on for so long, s.
+const PUSH_N: f64 = 2.0;
+const PUSH_S: f64 = 0.2;
+/// The throw is the end of what comes before the release, s.
+const THROW_S: f64 = 0.2;
+/// Height among the coordinates of a policy.
+const Z: usize = 2;
+
+/// What may be learnt of the stiffness.
+struct Kind {
+    name: &'static str,
+    config: fn(&mut LearnerConfig),
+}
+
+const KINDS: [Kind; 6] = [
+    Kind { name: "uniform, unpaid", config: uniform },
+    Kind { name: "fixed", config: |c| c.exploration.stiffness = StiffnessKind::Fixed },
+    Kind { name: "uniform", config: |c| c.exploration.stiffness = StiffnessKind::Uniform },
+    Kind { name: "components", config: |c| c.exploration.stiffness = StiffnessKind::Components },
+    Kind { name: "phases", config: |c| c.exploration.stiffness = StiffnessKind::Phases },
+    Kind { name: "full", config: |c| c.exploration.stiffness = StiffnessKind::Full },
+];
+
+pub fn run_seed(seed: u64) -> Result<Vec<Sample>> {
+    let mut samples = Vec::new();
+    for kind in &KINDS {
+        let bench = bench(kind, seed)?;
+        let demonstrations = setup::demonstrations(&bench.config)?;
+        let (executed, answer) = learn(&bench, &demonstrations, |_| bench.world)?;
+        samples.extend(summary(kind.name, &executed));
+        samples.extend(judge(kind.name, &bench, &answer, seed)?);
+    }
+    Ok(samples)
+}
+
+/// Learnt in worlds that vary from rollout to rollout.
+pub fn run_varying_seed(seed: u64) -> Result<Vec<Sample>> {
+    let mut samples = Vec::new();
+    for kind in &KINDS {
+        let bench = bench(kind, seed)?;
+        let demonstrations = setup::demonstrations(&bench.config)?;
+        let world = |rollout| varying(&bench, seed, LEARNING + rollout);
+        let (executed, answer) = learn(&bench, &demonstrations, world)?;
+        samples.extend(summary(kind.name, &executed));
+        let robust = bench.robustness(&answer, |n| varying(&bench, seed, JUDGING + n))?;
+        samples.push(Sample::mean(kind.name, "robustness in such worlds", robust));
+    }
+    Ok(samples)
+}
+
+fn bench(kind: &Kind, seed: u64) -> Result<Bench> {
+    let mut config = Config::default();
+    config.learner.seed = seed;
+    config.plant.dynamics = DynamicsKind::Split;
+    // The arm's model knows nothing of a pancake; with less the wrist would sag by 100 g so far that no
+    // rollout begins.
+    (config.controller.posture_stiffness, config.controller.posture_damping) = (400.0, 40.0);
+    (kind.config)(&mut config.learner);
+    Bench::new(config, false)
+}
+
+/// A world of [`Bench::perturbed`] with another mass and restitution.
+fn varying(bench: &Bench, seed: u64, draw: u64) -> PancakeConfig {
+    let mut rng = stream(seed, draw + (1 << 40));
+    PancakeConfig {
+        pancake_mass: rng.random_range(MASSES[0]..=MASSES[1]),
+        restitution: rng.random_range(RESTITUTIONS[0]..=RESTITUTIONS[1]),
+        ..bench.perturbed(seed, draw)
+    }
+}
+
+fn judge(name: &str, bench: &Bench, answer: &Answer, seed: u64) -> Result<Vec<Sample>> {
+    let heavy = |n| {
+        let world = bench.perturbed(seed, JUDGING + n);
+        let pancake_mass = world.pancake_mass * HEAVY.0 / bench.world.pancake_mass;
+        PancakeConfig { pancake_mass, restitution: HEAVY.1, ..world }
+    };
+    let mut samples = vec![
+        Sample::mean(
+            name,
+            "robustness",
+            bench.robustness(answer, |n| bench.perturbed(seed, JUDGING + n))?,
+        ),
+        Sample::mean(name, "robustness, heavy and bouncy", bench.robustness(answer, heavy)?),
+    ];
+    if let Some(profile) = profile(bench, answer)? {
+        let Profile { throw, catch, off_diagonal, yields_m, reach_m } = profile;
+        samples.extend([
+            Sample::median(name, "K_zz at the throw, 1/s2", throw),
+            Sample::median(name, "K_zz at the catch, 1/s2", catch),
+            Sample::median(name, "K_zz, catch / throw", catch / throw),
+            Sample::rate(name, "K_zz, catch / throw below 0.7", catch / throw < 0.7),
+            Sample::median(name, "largest coupling", off_diagonal),
+            Sample::median(name, "yields to a push of 2 N, mm", 1e3 * yields_m),
+            Sample::median(name, "farthest attractor, m", reach_m),
+        ]);
+    }
+    Ok(samples)
+}
+
+/// Stiffness of an answer in its own rollout.
+struct Profile {
+    /// Means of K_zz before the release and after the crossing, s⁻².
+    throw: f64,
+    catch: f64,
+    /// Largest |K_ij|/√(K_ii K_jj) of a component.
+    off_diagonal: f64,
+    yields_m: f64,
+    reach_m: f64,
+}
+
+/// `None` where nothing is tossed.
+fn profile(bench: &Bench, (problem, theta): &Answer) -> Result<Option<Profile>> {
+    let policy = bench.policy(problem, theta);
+    let q0 = bench.config.plant.start_posture();
+    let new = || PancakePlant::new(&bench.arm, &q0, &bench.world);
+    let mut plant =
+        Pushed { plant: new(), arm: &bench.arm, ticks: 0, window: (1, 0), heights: vec![] };
+    let records = bench.records(problem, theta, &mut plant)?;
+    let (measures, _, _) = bench.judge.judge(&policy, &EpisodeHeader::default(), &records)?;
+    let of = |name: &str| measures.get(name).unwrap_or(0.0);
+    if of("tossed") == 0.0 {
+        return Ok(None);
+    }
+    let (release_s, crossing_s) = (of("release_time_s"), of("crossing_time_s"));
+    let period_s = bench.world.period_s;
+    // The records begin with the movement, some ticks after the world.
+    let begin = plant.heights.len() - ticks_of(&records, bench);
+    let from = begin + (crossing_s / period_s) as usize;
+    let window = (from, from + (PUSH_S / period_s) as usize);
+    let mut pushed = Pushed { plant: new(), arm: &bench.arm, ticks: 0, window, heights: vec![] };
+    bench.records(problem, theta, &mut pushed)?;
+    let at = (window.1).min(plant.heights.len().min(pushed.heights.len()) - 1);
+    Ok(Some(Profile {
+        throw: mean_k_zz(&policy, release_s - THROW_S, release_s),
+        catch: mean_k_zz(&policy, crossing_s, crossing_s + PUSH_S),
+        off_diagonal: largest_coupling(&policy),
+        yields_m: plant.heights[at] - pushed.heights[at],
+        reach_m: farthest_attractor(&policy),
+    }))
+}
+
+/// Ticks of the loop that so many records stand for.
+fn ticks_of(records: &[TickRecord], bench: &Bench) -> usize {
+    let stride = bench.config.controller.record_s() / bench.world.period_s;
+    ((records.len() as f64) * stride).round() as usize
+}
+
+/// Mean of K_zz(t) = Σ hᵢ(t) Kᵢ,zz from one time to another, s⁻².
+fn mean_k_zz(policy: &PolicyMsg, from_s: f64, to_s: f64) -> f64 {
+    const N: usize = 50;
+    let at = |part: usize| {
+        let t_s = from_s + (to_s - from_s) * (part as f64 + 0.5) / N as f64;
+        let h = policy_activations(policy, t_s);
+        let k = policy.components().iter().map(|component| component.stiffness_at(Z, Z));
+        h.iter().zip(k).map(|(h, k)| h * k).sum::<f64>()
+    };
+    (0..N).map(at).sum::<f64>() / N as f64
+}
+
+fn largest_coupling(policy: &PolicyMsg) -> f64 {
+    let d = policy.task_dim as usize;
+    let of = |component: &shm_types::policy::Component| {
+        let k = |row, col| component.stiffness_at(row, col);
+        let pairs = (0..d).flat_map(move |row| (0..row).map(move |col| (row, col)));
+        pairs.map(|(i, j)| k(i, j).abs() / (k(i, i) * k(j, j)).sqrt()).fold(0.0, f64::max)
+    };
+    policy.components().iter().map(of).fold(0.0, f64::max)
+}
+
+/// From the first attractor, m.
+fn farthest_attractor(policy: &PolicyMsg) -> f64 {
+    let place = |i: usize| Vector3::from_column_slice(&policy.components[i].attractor[..3]);
+    (0..policy.components().len()).map(|i| (place(i) - place(0)).norm()).fold(0.0, f64::max)
+}
+
+/// A world in which somebody pushes the tip down for a while.
+struct Pushed<'a> {
+    plant: PancakePlant,
+    arm: &'a ArmModel,
+    ticks: usize,
+    window: (usize, usize),
+    /// Of the tip after each tick, m.
+    heights: Vec<f64>,
+}
+
+impl Plant for Pushed<'_> {
+    fn is_simulated(&self) -> bool {
+        true
+    }
+
+    fn begin_reset(&mut self) {
+        self.plant.begin_reset();
+        (self.ticks, self.heights) = (0, Vec::new());
+    }
+
+    fn is_ready(&self) -> bool {
+        true
+    }
+
+    fn measure(&self) -> Measurement {
+        self.plant.measure()
+    }
+
+    fn apply(&mut self, tau: &JointVector) {
+        let Measurement { q, qd, .. } = self.plant.measure();
+        let force = Vector6::new(0.0, 0.0, -PUSH_N, 0.0, 0.0, 0.0);
+        let push = TipKinematics::new(self.arm, &q, &qd).J.tr_mul(&force);
+        let is_pushed = (self.window.0..self.window.1).contains(&self.ticks);
+        self.plant.apply(&if is_pushed { tau + push } else { *tau });
+    }
+
+    fn advance(&mut self) {
+        self.plant.advance();
+        self.ticks += 1;
+        let Measurement { q, .. } = self.plant.measure();
+        let tip = physics::arm::kinematics::tip_pose(self.arm, &q);
+        self.heights.push(tip.translation.z);
+    }
+}
