@@ -65,6 +65,7 @@ svg .dot.mode,svg .dot.answer{stroke:var(--paper);stroke-width:1.5px}
 svg .dot.mode{fill:var(--learnt)}
 svg .dot.answer{fill:var(--best)}
 svg .number{fill:var(--ink);font-weight:600}
+svg .band{fill:var(--learnt);fill-opacity:.18;stroke:none}
 svg .ellipse.start{fill:none;stroke:var(--initial);stroke-dasharray:2 2}
 svg .heat{fill:var(--top);stroke:none}
 svg .h1{fill-opacity:.08}

@@ -3,6 +3,8 @@
 //! Every kind has the same directions of movement, the same draws along them, the same reward and the same
 //! choice among candidates. The heavy, bouncy pancake and the push were fixed before any result was seen.
 
+use std::ops::Range;
+
 use anyhow::Result;
 use learner::LearnerConfig;
 use learner::activation::policy_activations;
@@ -34,6 +36,8 @@ const THROW_S: f64 = 0.2;
 /// Height among the coordinates of a policy.
 const Z: usize = 2;
 
+const DEFAULT: &str = "phases";
+
 /// What may be learnt of the stiffness.
 struct Kind {
     name: &'static str,
@@ -45,7 +49,7 @@ const KINDS: [Kind; 6] = [
     Kind { name: "fixed", config: |c| c.exploration.stiffness = StiffnessKind::Fixed },
     Kind { name: "uniform", config: |c| c.exploration.stiffness = StiffnessKind::Uniform },
     Kind { name: "components", config: |c| c.exploration.stiffness = StiffnessKind::Components },
-    Kind { name: "phases", config: |c| c.exploration.stiffness = StiffnessKind::Phases },
+    Kind { name: DEFAULT, config: |c| c.exploration.stiffness = StiffnessKind::Phases },
     Kind { name: "full", config: |c| c.exploration.stiffness = StiffnessKind::Full },
 ];
 
@@ -74,6 +78,45 @@ pub fn run_varying_seed(seed: u64) -> Result<Vec<Sample>> {
         samples.push(Sample::mean(kind.name, "robustness in such worlds", robust));
     }
     Ok(samples)
+}
+
+/// (time, s; stiffness, s⁻²)
+pub type Curve = Vec<(f64, f64)>;
+
+/// What a seed has come to with the default, and what it started from.
+pub struct Learnt {
+    policy: PolicyMsg,
+    start: PolicyMsg,
+}
+
+impl Learnt {
+    /// K_cc(t) = Σ hᵢ(t) Kᵢ,cc over the movement.
+    pub fn curve(&self, c: usize) -> Curve {
+        curve(&self.policy, c)
+    }
+
+    pub fn initial(&self, c: usize) -> Curve {
+        curve(&self.start, c)
+    }
+}
+
+fn curve(policy: &PolicyMsg, c: usize) -> Curve {
+    const N: usize = 140;
+    let times = (0..=N).map(|k| policy.duration_s * k as f64 / N as f64);
+    times.map(|t_s| (t_s, stiffness_at(policy, c, t_s))).collect()
+}
+
+/// The default's answers, one a seed.
+pub fn answers(seeds: Range<u64>) -> Result<Vec<Learnt>> {
+    let default = KINDS.iter().find(|kind| kind.name == DEFAULT).expect("it is among them");
+    let answer = |seed| {
+        let bench = bench(default, seed)?;
+        let demonstrations = setup::demonstrations(&bench.config)?;
+        let (_, (problem, theta)) = learn(&bench, &demonstrations, |_| bench.world)?;
+        let start = bench.policy(&problem, &problem.spaces[0].theta_0);
+        Ok(Learnt { policy: bench.policy(&problem, &theta), start })
+    };
+    seeds.map(answer).collect()
 }
 
 fn bench(kind: &Kind, seed: u64) -> Result<Bench> {
@@ -178,12 +221,16 @@ fn ticks_of(records: &[TickRecord], bench: &Bench) -> usize {
 fn mean_k_zz(policy: &PolicyMsg, from_s: f64, to_s: f64) -> f64 {
     const N: usize = 50;
     let at = |part: usize| {
-        let t_s = from_s + (to_s - from_s) * (part as f64 + 0.5) / N as f64;
-        let h = policy_activations(policy, t_s);
-        let k = policy.components().iter().map(|component| component.stiffness_at(Z, Z));
-        h.iter().zip(k).map(|(h, k)| h * k).sum::<f64>()
+        stiffness_at(policy, Z, from_s + (to_s - from_s) * (part as f64 + 0.5) / N as f64)
     };
     (0..N).map(at).sum::<f64>() / N as f64
+}
+
+/// Σ hᵢ(t) Kᵢ,cc, s⁻².
+fn stiffness_at(policy: &PolicyMsg, c: usize, t_s: f64) -> f64 {
+    let h = policy_activations(policy, t_s);
+    let k = policy.components().iter().map(|component| component.stiffness_at(c, c));
+    h.iter().zip(k).map(|(h, k)| h * k).sum::<f64>()
 }
 
 fn largest_coupling(policy: &PolicyMsg) -> f64 {

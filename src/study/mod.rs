@@ -31,7 +31,7 @@ use anyhow::{Context, Result};
 use serde::Serialize;
 
 use crate::draw::figure::Figure;
-use figures::{fig5, fig6, fig7, fig8};
+use figures::{fig3, fig5, fig6, fig7, fig8};
 pub use sample::Sample;
 pub use statistics::Row;
 
@@ -134,6 +134,7 @@ pub const STUDIES: &[Study] = &[
         peaks::run_default_seed,
     ),
     table_of("peaks", "what counts the peaks of a known box best", 2, peaks::run_seed),
+    figure_of("fig3", "stiffness over time, of the answers of 20 seeds", fig3::figure),
     figure_of("fig5", "several optima and what a gradient finds", fig5::figure),
     figure_of("fig6", "splitting a Gaussian, Eq. (9)", |_| fig6::figure()),
     figure_of("fig7", "a run on the landscape", fig7::figure),

@@ -75,7 +75,7 @@ impl Arm {
         let qd = self.qd + qdd * dt;
 
         let (giving, qdd) = match Stops::of(&self.q, model.limits(), dt).stop(&qd, &M) {
-            None => ((middle.J, M.clone()), qdd),
+            None => ((middle.J, M), qdd),
             Some(stopped) => {
                 let (J, M) = stopped.held(&middle.J, &dynamics::mass_matrix_at(model, &frames));
                 ((J, factor(&M)), (stopped.qd - self.qd) / dt)
