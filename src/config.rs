@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 #[path = "config/plant.rs"] // also where the fuzzer takes this file from here
 pub mod plant;
 
-pub use plant::{DynamicsKind, PlantConfig};
+pub use plant::PlantConfig;
 
 /// The defaults of a task, by its name and what was chosen of its options.
 pub type Defaults = fn(&str, BTreeMap<String, String>) -> Config;

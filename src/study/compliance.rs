@@ -20,7 +20,8 @@ use shm_types::policy::PolicyMsg;
 
 use super::Sample;
 use super::pancake::{Answer, Bench, JUDGING, LEARNING, learn, summary, uniform};
-use crate::config::{Config, DynamicsKind};
+use crate::config::Config;
+use crate::config::plant::DynamicsKind;
 use crate::setup;
 
 /// A pancake of this mass, kg, and restitution, never learnt on.

@@ -25,7 +25,8 @@ use shm_types::policy::PolicyMsg;
 
 use super::Sample;
 use super::runs::{Executed, session};
-use crate::config::{Config, DynamicsKind};
+use crate::config::Config;
+use crate::config::plant::DynamicsKind;
 use crate::{judging, setup};
 
 /// Perturbed rollouts that judge an answer.
