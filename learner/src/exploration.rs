@@ -121,7 +121,7 @@ impl Default for ExplorationConfig {
             position_log_stiffness: 0.4,
             rotation_log_stiffness: 0.4,
             before_log_stiffness: 0.4,
-            after_log_stiffness: 1.2,
+            after_log_stiffness: 0.8,
             coupling_log_stiffness: 0.15,
             attractor_reach_m: 0.5,
         }

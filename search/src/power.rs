@@ -116,8 +116,8 @@ impl Default for PowerConfig {
             mean_every: 5,
             candidates: 5,
             late_std: 0.5,
-            late_decay: 0.9,
-            late_min: 0.08,
+            late_decay: 0.97,
+            late_min: 0.15,
         }
     }
 }

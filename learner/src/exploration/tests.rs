@@ -135,8 +135,8 @@ fn phases_change_the_stiffness_on_their_side_of_the_peak() {
     for (column, components, entries, amount) in [
         (5, 0..4, vec![4, 6, 9], 0.4),
         (6, 0..4, vec![13], 0.4),
-        (7, 4..8, vec![4, 6, 9], 1.2),
-        (8, 4..8, vec![13], 1.2),
+        (7, 4..8, vec![4, 6, 9], 0.8),
+        (8, 4..8, vec![13], 0.8),
         (9, 0..4, vec![12], 0.15),
         (10, 4..8, vec![12], 0.15),
     ] {
