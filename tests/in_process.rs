@@ -30,11 +30,12 @@ use util::{Bench, text};
 #[test]
 fn thetas_rewards_and_outcomes_are_those_of_a_session() {
     let bench = Bench::new();
-    // Some of the rollouts are adapted ones.
-    let rollouts = 20;
-    bench.ok(&["learn", "pancake", "--seed", "2", "--rollouts", "20", "--out", "s", "--json"]);
+    // Some of the rollouts are adapted ones, and some execute the mean.
+    let rollouts = 40;
+    bench.ok(&["learn", "pancake", "--seed", "2", "--rollouts", "40", "--out", "s", "--json"]);
     let session = bench.trials("s");
     assert_eq!(session.len(), rollouts);
+    assert!(session.iter().any(|trial| trial.is_mean));
 
     let arm = ArmModel::from_urdf(&text(&bench.path("s/arm.urdf")), "pan").unwrap();
     let csv = text(&bench.path("s/demonstration.csv"));
@@ -58,6 +59,7 @@ fn thetas_rewards_and_outcomes_are_those_of_a_session() {
     for trial in session {
         let Proposal { rollout, theta } = search.ask(trial.rollout);
         assert_eq!(theta, trial.theta, "rollout {rollout}");
+        assert_eq!(trial.is_mean, rollout > 1 && theta == *search.mean(), "rollout {rollout}");
         let policy = problem.decode(&theta, PolicyIds::default());
         let simulated = simulate(&mut controlled, &controller, &policy, &mut records).unwrap();
         let episode = &records[..simulated.n_records];
