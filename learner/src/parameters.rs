@@ -42,7 +42,7 @@ impl Default for Scales {
     }
 }
 
-/// Who asks for a policy: the fields of the message that are not physical.
+/// Identity of a policy: the fields of the message that are not physical.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PolicyIds {
     pub session: u64,

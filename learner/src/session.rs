@@ -80,7 +80,7 @@ struct Link {
     is_pinned: bool,
     /// Fault after which the arm is held, or 0.
     latched: u64,
-    /// What the controller is told that this learner waits for.
+    /// What this learner is waiting for, as the controller is told.
     waits: u64,
     set_aside_in_a_row: u32,
     news: News,

@@ -2,9 +2,9 @@
 //!
 //! Two layers that know nothing of each other's types: [`arm`] is the mathematics of a serial
 //! revolute arm (URDF to immutable model, kinematics, inverse dynamics), free of heap allocation
-//! and of any simulator; [`rapier`] is the simulated world, and [`split`] another way to move an arm in it. [`pancake`] puts both together into a
-//! [`plant::Plant`], which is all a controller sees, and says what happened to the pancake;
-//! a [`referee::Referee`] says when a rollout is over.
+//! and of any simulator; [`rapier`] is the simulated world, and [`split`] another way to move an arm in
+//! it. [`pancake`] puts both together into a [`plant::Plant`], which is all a controller sees, and says
+//! what happened to the pancake; a [`referee::Referee`] says when a rollout is over.
 //!
 //! ```no_run
 //! use physics::arm::{ArmModel, JointVector, dynamics};

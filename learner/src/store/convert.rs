@@ -40,7 +40,7 @@ const PANCAKE: [(&str, &str, &str); 16] = [
 pub(super) fn from_format_3(connection: &mut Connection, path: &Path) -> Result<(), StoreError> {
     let sql = |error| StoreError::from_sql(path, error);
     let pragma = |name| connection.pragma_query_value(None, name, |row| row.get::<_, i64>(0));
-    // What is no session at all is refused by whoever opens it.
+    // A file that is no session at all is refused when it is opened.
     if !matches!(
         (pragma("application_id"), pragma("user_version")),
         (Ok(APPLICATION_ID), Ok(FORMAT))

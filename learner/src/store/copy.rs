@@ -1,6 +1,6 @@
 //! The second copy of a session: a disk's damage to one file is no loss.
 //!
-//! Everything is written to the session first, then to the copy. Whoever goes on with a session takes
+//! Everything is written to the session first, then to the copy. A learner that resumes a session takes
 //! the sound one of the two, or, of two sound ones, the one that knows more, and makes the other anew.
 //!
 //! Only the session waits for the disk. The copy survives whatever a process dies of; after a power cut
