@@ -55,6 +55,13 @@ pub fn policy_activations(policy: &PolicyMsg, t_s: f64) -> Vec<f64> {
     activations(&centers_widths, activation.drive(t_s, policy.decay_rate))
 }
 
+/// Σ hᵢ(t) Kᵢ, entry (c, c), of a validated policy at `t_s` (s), s⁻².
+pub fn stiffness(policy: &PolicyMsg, c: usize, t_s: f64) -> f64 {
+    let h = policy_activations(policy, t_s);
+    let entries = policy.components().iter().map(|component| component.stiffness_at(c, c));
+    h.iter().zip(entries).map(|(h, k)| h * k).sum()
+}
+
 /// Means of the hᵢ of a validated policy over its movement, at the middles of [`N_SAMPLES`] equal parts.
 pub fn mean_activations(policy: &PolicyMsg) -> Vec<f64> {
     let mut mean = vec![0.0; policy.components().len()];

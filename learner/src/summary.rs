@@ -56,7 +56,7 @@ impl Summary {
     pub fn of(trials: &[TrialRecord]) -> Self {
         let late = &trials[trials.len().saturating_sub(LATE_TRIALS)..];
         let count = |trials: &[TrialRecord]| trials.iter().filter(|t| t.success).count();
-        let means: Vec<TrialRecord> = late.iter().filter(|trial| trial.is_mean).cloned().collect();
+        let means = || late.iter().filter(|trial| trial.is_mean);
         // What was set aside was not rewarded: its 0 is none, and may be above all others.
         let rewarded = trials.iter().filter(|trial| !trial.set_aside);
         let best = rewarded.reduce(|a, b| if b.reward > a.reward { b } else { a });
@@ -72,8 +72,8 @@ impl Summary {
             set_aside: trials.iter().filter(|trial| trial.set_aside).count() as u64,
             first_success: trials.iter().find(|trial| trial.success).map(|trial| trial.rollout),
             success_last20: count(late) as f64 / late.len().max(1) as f64,
-            means_last20: means.len() as u64,
-            mean_successes_last20: count(&means) as u64,
+            means_last20: means().count() as u64,
+            mean_successes_last20: means().filter(|trial| trial.success).count() as u64,
             best_reward: best.map_or(0.0, |trial| trial.reward),
             best_rollout: best.map(|trial| trial.rollout),
         }

@@ -1,6 +1,6 @@
 //! Stiffness over time, Σ hᵢ(t) Kᵢ: the paper's Fig. 3, right.
 
-use learner::activation::policy_activations;
+use learner::activation::stiffness;
 use shm_types::TASK_DIM;
 use shm_types::measures::Measures;
 use shm_types::policy::{ACTIVATION_DECAY, Component, PolicyMsg};
@@ -57,13 +57,7 @@ fn profile(policy: &PolicyMsg, c: usize) -> Vec<(f64, f64)> {
     if policy.components().is_empty() {
         return Vec::new();
     }
-    times(policy)
-        .map(|t_s| {
-            let h = policy_activations(policy, t_s);
-            let entries = policy.components().iter().map(|component| component.stiffness_at(c, c));
-            (t_s, h.iter().zip(entries).map(|(h, k)| h * k).sum())
-        })
-        .collect()
+    times(policy).map(|t_s| (t_s, stiffness(policy, c, t_s))).collect()
 }
 
 /// [`SAMPLES`] times over the execution of `policy`.

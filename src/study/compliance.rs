@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use anyhow::Result;
 use learner::LearnerConfig;
-use learner::activation::policy_activations;
+use learner::activation::stiffness;
 use learner::exploration::StiffnessKind;
 use nalgebra::{Vector3, Vector6};
 use physics::arm::{ArmModel, JointVector, TipKinematics};
@@ -22,7 +22,6 @@ use super::Sample;
 use super::pancake::{Answer, Bench, JUDGING, LEARNING, learn, summary, uniform};
 use crate::config::Config;
 use crate::config::plant::DynamicsKind;
-use crate::setup;
 
 /// A pancake of this mass, kg, and restitution, never learnt on.
 const HEAVY: (f64, f64) = (0.1, 0.4);
@@ -58,8 +57,7 @@ pub fn run_seed(seed: u64) -> Result<Vec<Sample>> {
     let mut samples = Vec::new();
     for kind in &KINDS {
         let bench = bench(kind, seed)?;
-        let demonstrations = setup::demonstrations(&bench.config)?;
-        let (executed, answer) = learn(&bench, &demonstrations, |_| bench.world)?;
+        let (executed, answer) = learn(&bench, |_| bench.world)?;
         samples.extend(summary(kind.name, &executed));
         samples.extend(judge(kind.name, &bench, &answer, seed)?);
     }
@@ -71,9 +69,8 @@ pub fn run_varying_seed(seed: u64) -> Result<Vec<Sample>> {
     let mut samples = Vec::new();
     for kind in &KINDS {
         let bench = bench(kind, seed)?;
-        let demonstrations = setup::demonstrations(&bench.config)?;
         let world = |rollout| varying(&bench, seed, LEARNING + rollout);
-        let (executed, answer) = learn(&bench, &demonstrations, world)?;
+        let (executed, answer) = learn(&bench, world)?;
         samples.extend(summary(kind.name, &executed));
         let robust = bench.robustness(&answer, |n| varying(&bench, seed, JUDGING + n))?;
         samples.push(Sample::mean(kind.name, "robustness in such worlds", robust));
@@ -104,7 +101,7 @@ impl Learnt {
 fn curve(policy: &PolicyMsg, c: usize) -> Curve {
     const N: usize = 140;
     let times = (0..=N).map(|k| policy.duration_s * k as f64 / N as f64);
-    times.map(|t_s| (t_s, stiffness_at(policy, c, t_s))).collect()
+    times.map(|t_s| (t_s, stiffness(policy, c, t_s))).collect()
 }
 
 /// The default's answers, one a seed.
@@ -112,8 +109,7 @@ pub fn answers(seeds: Range<u64>) -> Result<Vec<Learnt>> {
     let default = KINDS.iter().find(|kind| kind.name == DEFAULT).expect("it is among them");
     let answer = |seed| {
         let bench = bench(default, seed)?;
-        let demonstrations = setup::demonstrations(&bench.config)?;
-        let (_, (problem, theta)) = learn(&bench, &demonstrations, |_| bench.world)?;
+        let (_, (problem, theta)) = learn(&bench, |_| bench.world)?;
         let start = bench.policy(&problem, &problem.spaces[0].theta_0);
         Ok(Learnt { policy: bench.policy(&problem, &theta), start })
     };
@@ -222,16 +218,9 @@ fn ticks_of(records: &[TickRecord], bench: &Bench) -> usize {
 fn mean_k_zz(policy: &PolicyMsg, from_s: f64, to_s: f64) -> f64 {
     const N: usize = 50;
     let at = |part: usize| {
-        stiffness_at(policy, Z, from_s + (to_s - from_s) * (part as f64 + 0.5) / N as f64)
+        stiffness(policy, Z, from_s + (to_s - from_s) * (part as f64 + 0.5) / N as f64)
     };
     (0..N).map(at).sum::<f64>() / N as f64
-}
-
-/// Σ hᵢ(t) Kᵢ,cc, s⁻².
-fn stiffness_at(policy: &PolicyMsg, c: usize, t_s: f64) -> f64 {
-    let h = policy_activations(policy, t_s);
-    let k = policy.components().iter().map(|component| component.stiffness_at(c, c));
-    h.iter().zip(k).map(|(h, k)| h * k).sum::<f64>()
 }
 
 fn largest_coupling(policy: &PolicyMsg) -> f64 {

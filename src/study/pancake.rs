@@ -2,13 +2,13 @@
 //! robust its answer is to another pancake.
 
 use anyhow::{Context, Result};
+use learner::LearnerConfig;
 use learner::compliance::ComplianceConfig;
 use learner::exploration::{ExplorationKind, StiffnessKind};
 use learner::judge::Judge;
 use learner::problem::Problem;
 use learner::reward::RewardKind;
 use learner::summary::LATE_TRIALS;
-use learner::{Demonstration, LearnerConfig};
 use nalgebra::DVector;
 use physics::arm::ArmModel;
 use physics::pancake::{PancakeConfig, PancakePlant};
@@ -143,12 +143,11 @@ fn run_method(method: &Method, seed: u64) -> Result<Vec<Sample>> {
     config.plant.dynamics = method.dynamics;
     (method.config)(&mut config.learner);
     let bench = Bench::new(config, method.wrong_mass)?;
-    let demonstrations = setup::demonstrations(&bench.config)?;
     let world = |rollout| match method.perturbed {
         true => bench.perturbed(seed, LEARNING + rollout),
         false => bench.world,
     };
-    let (executed, answer) = learn(&bench, &demonstrations, world)?;
+    let (executed, answer) = learn(&bench, world)?;
     let mut samples = summary(method.name, &executed);
     let robust = bench.robustness(&answer, |n| bench.perturbed(seed, JUDGING + n))?;
     samples.push(Sample::mean(method.name, "robustness", robust));
@@ -187,11 +186,10 @@ pub type Answer = (Problem, DVector<f64>);
 /// What was executed, and the search's answer; `world` gives that of each rollout.
 pub fn learn(
     bench: &Bench,
-    demonstrations: &[Demonstration],
     world: impl Fn(u64) -> PancakeConfig,
 ) -> Result<(Vec<Executed>, Answer)> {
     let config = &bench.config.learner;
-    let problem = Problem::new(config, demonstrations)?;
+    let problem = Problem::new(config, &setup::demonstrations(&bench.config)?)?;
     let mut search: Box<dyn Search> = problem.search(config);
     let executed = session(&mut *search, config.rollouts, |rollout, theta| {
         bench.rollout(&problem, theta, &world(rollout))
