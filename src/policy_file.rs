@@ -57,6 +57,7 @@ pub fn to_toml(policy: &PolicyMsg) -> Result<String> {
          duration_s = {:?}\n\
          decay_rate = {:?}  # s⁻¹\n\
          damping = {:?}  # s⁻¹\n\
+         {}\
          # of the coordinates that are not learnt\n\
          orientation_stiffness = {:?}  # s⁻²\n\
          orientation_damping = {:?}  # s⁻¹\n",
@@ -65,6 +66,7 @@ pub fn to_toml(policy: &PolicyMsg) -> Result<String> {
         policy.duration_s,
         policy.decay_rate,
         policy.damping,
+        ratio_toml(policy.damping_ratio),
         policy.orientation_stiffness,
         policy.orientation_damping,
     );
@@ -73,6 +75,14 @@ pub fn to_toml(policy: &PolicyMsg) -> Result<String> {
         text += &component_toml(component, policy.task_dim as usize, drive);
     }
     Ok(text)
+}
+
+/// Nothing where all springs damp alike.
+fn ratio_toml(ratio: f64) -> String {
+    match ratio {
+        0.0 => String::new(),
+        ratio => format!("damping_ratio = {ratio:?}  # ζ: spring i damps with 2ζ Kᵢ^½ instead\n"),
+    }
 }
 
 fn component_toml(component: &Component, task_dim: usize, drive: &str) -> String {
@@ -116,7 +126,8 @@ mod tests {
     fn toml_comes_back_bit_for_bit() {
         let decaying = PolicyMsg { activation: ACTIVATION_DECAY, decay_rate: 2.5, ..policy() };
         let action = PolicyMsg::of_action(&[8.0, 0.1 + 0.2]);
-        for policy in [policy(), decaying.sealed(), action.sealed()] {
+        let damped = PolicyMsg { damping_ratio: 0.7, ..policy() };
+        for policy in [policy(), damped.sealed(), decaying.sealed(), action.sealed()] {
             let back = from_toml(&to_toml(&policy).unwrap()).unwrap();
             assert_eq!(back, policy);
             assert_eq!(back.digest, policy.digest);

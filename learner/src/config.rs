@@ -26,6 +26,8 @@ pub struct LearnerConfig {
     pub n_components: usize,
     /// κᴾ of the initial policy, s⁻².
     pub kappa_p: f64,
+    /// ζ of dampers that follow the stiffness, 2ζ Kᵢ^½; 0 for κᵛ = 2√κᴾ whatever the stiffness.
+    pub damping_ratio: f64,
     pub activation: Activation,
     /// α of the decay activation, s⁻¹.
     pub decay_rate: f64,
@@ -54,6 +56,7 @@ impl Default for LearnerConfig {
             task_dim: policy.task_dim,
             n_components: policy.n_components,
             kappa_p: policy.kappa_p,
+            damping_ratio: policy.damping_ratio,
             activation: policy.activation,
             decay_rate: policy.decay_rate,
             width_ratio: policy.width_ratio,
@@ -84,6 +87,7 @@ impl LearnerConfig {
             range("rollouts", self.rollouts as f64, 1.0, 100_000.0),
             range("n_components", self.n_components as f64, 1.0, MAX_COMPONENTS as f64),
             range("kappa_p", self.kappa_p, STIFFNESS_MIN, STIFFNESS_MAX),
+            range("damping_ratio", self.damping_ratio, 0.0, 10.0),
             range("decay_rate", self.decay_rate, 0.01, 100.0),
             range("width_ratio", self.width_ratio, 0.1, 3.0),
             range("orientation_stiffness", self.orientation_stiffness, 0.0, 1e5),
@@ -106,6 +110,7 @@ impl LearnerConfig {
             task_dim: self.task_dim,
             n_components: self.n_components,
             kappa_p: self.kappa_p,
+            damping_ratio: self.damping_ratio,
             activation: self.activation,
             decay_rate: self.decay_rate,
             width_ratio: self.width_ratio,
@@ -164,11 +169,12 @@ mod tests {
     #[test]
     fn refuses_each_bad_value_and_names_it() {
         type Break = fn(&mut LearnerConfig);
-        let breaks: [(&str, Break); 19] = [
+        let breaks: [(&str, Break); 20] = [
             ("learner.task_dim is 5: use 3", |c| c.task_dim = 5),
             ("learner.rollouts is 0: use 1 to 100000", |c| c.rollouts = 0),
             ("learner.n_components is 17: use 1 to 16", |c| c.n_components = 17),
             ("learner.kappa_p is NaN", |c| c.kappa_p = f64::NAN),
+            ("learner.damping_ratio is -1: use 0 to 10", |c| c.damping_ratio = -1.0),
             ("learner.decay_rate is 0", |c| c.decay_rate = 0.0),
             ("learner.width_ratio is -1", |c| c.width_ratio = -1.0),
             ("learner.orientation_stiffness", |c| c.orientation_stiffness = -1.0),

@@ -19,6 +19,8 @@ pub struct InitialPolicyConfig {
     pub n_components: usize,
     /// κᴾ, s⁻²; κᵛ = 2√κᴾ (critically damped).
     pub kappa_p: f64,
+    /// ζ of dampers that follow the stiffness; 0 for κᵛ whatever the stiffness.
+    pub damping_ratio: f64,
     pub activation: Activation,
     /// α of the decay activation, s⁻¹.
     pub decay_rate: f64,
@@ -35,6 +37,7 @@ impl Default for InitialPolicyConfig {
             task_dim: 4,
             n_components: 8,
             kappa_p: 200.0,
+            damping_ratio: 0.0,
             activation: Activation::Time,
             decay_rate: 2.0,
             width_ratio: 0.5,
@@ -48,20 +51,25 @@ impl Default for InitialPolicyConfig {
 ///
 /// y(t) = x + (ẍ + κᵛẋ)/κᴾ ≈ Σᵢ hᵢ(t) μᵢ,  Kᵢ = κᴾ I,  κᵛ = 2√κᴾ,
 ///
-/// μ by least squares over all samples. Coordinates from `task_dim` on are fitted in the same way
+/// with 2ζ√κᴾ for κᵛ where dampers follow the stiffness, μ by least squares over all samples. Coordinates from `task_dim` on are fitted in the same way
 /// with the gains of the orientation controller that follows them. The message is sealed, without
 /// session and rollout. Source: the paper refers to its reference 36 for the method.
 pub fn initial_policy(demonstration: &Demonstration, config: &InitialPolicyConfig) -> PolicyMsg {
     assert!((1..=MAX_COMPONENTS).contains(&config.n_components), "validate the configuration");
     let decay_rate = if config.activation == Activation::Decay { config.decay_rate } else { 0.0 };
-    let damping = 2.0 * config.kappa_p.sqrt();
+    let critical = 2.0 * config.kappa_p.sqrt();
+    let damping = match config.damping_ratio {
+        0.0 => critical,
+        ratio => ratio * critical,
+    };
     let mut policy = PolicyMsg {
         task_dim: config.task_dim as u32,
         n_components: config.n_components as u32,
         activation: config.activation.code(),
         duration_s: demonstration.duration_s(),
         decay_rate,
-        damping,
+        damping: critical,
+        damping_ratio: config.damping_ratio,
         orientation_stiffness: config.orientation_stiffness,
         orientation_damping: config.orientation_damping,
         ..PolicyMsg::EMPTY

@@ -34,7 +34,7 @@ message! {
 message! {
     /// A policy and the rollout it is meant for. `digest` guards the physical parameters and is
     /// echoed by the episode, so that a reward never reaches a θ it does not belong to.
-    pub struct PolicyMsg as "skillet/Policy/2" {
+    pub struct PolicyMsg as "skillet/Policy/3" {
         pub schema: u64,
         pub digest: u64,
         /// Session that asks; an episode carries it back.
@@ -56,6 +56,8 @@ message! {
         pub decay_rate: f64,
         /// κᵛ, s⁻¹.
         pub damping: f64,
+        /// ζ: where it is not 0, spring i damps with 2ζ Kᵢ^½ instead of κᵛ.
+        pub damping_ratio: f64,
         /// Gains of the coordinates that are not learnt: resolved acceleration, s⁻² and s⁻¹.
         pub orientation_stiffness: f64,
         pub orientation_damping: f64,
@@ -157,6 +159,7 @@ impl PolicyMsg {
         duration_s: 1.0,
         decay_rate: 0.0,
         damping: 0.0,
+        damping_ratio: 0.0,
         orientation_stiffness: 0.0,
         orientation_damping: 0.0,
         action: [0.0; MAX_ACTIONS],
@@ -207,6 +210,10 @@ impl PolicyMsg {
                 digest = digest.f64(*value);
             }
         }
+        // The same for what came later still.
+        if self.damping_ratio != 0.0 {
+            digest = digest.f64(self.damping_ratio);
+        }
         digest.finish()
     }
 
@@ -246,6 +253,7 @@ impl PolicyMsg {
             ("duration_s", self.duration_s, 0.05, 30.0),
             ("decay_rate", self.decay_rate, decay_min, 1e3),
             ("damping", self.damping, 0.0, 1e3),
+            ("damping_ratio", self.damping_ratio, 0.0, 10.0),
             ("orientation_stiffness", self.orientation_stiffness, 0.0, 1e5),
             ("orientation_damping", self.orientation_damping, 0.0, 1e3),
         ] {

@@ -48,9 +48,15 @@ struct PolicyText {
     duration_s: f64,
     decay_rate: f64,
     damping: f64,
+    #[serde(default, skip_serializing_if = "is_zero")]
+    damping_ratio: f64,
     orientation_stiffness: f64,
     orientation_damping: f64,
     components: Vec<ComponentText>,
+}
+
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
 }
 
 /// A policy without springs.
@@ -93,6 +99,7 @@ pub fn to_json(policy: &PolicyMsg) -> Result<String, PolicyJsonError> {
         duration_s: policy.duration_s,
         decay_rate: policy.decay_rate,
         damping: policy.damping,
+        damping_ratio: policy.damping_ratio,
         orientation_stiffness: policy.orientation_stiffness,
         orientation_damping: policy.orientation_damping,
         components: policy.components().iter().map(component).collect(),
@@ -119,6 +126,7 @@ pub fn from_json(text: &str) -> Result<PolicyMsg, PolicyJsonError> {
         duration_s: text.duration_s,
         decay_rate: text.decay_rate,
         damping: text.damping,
+        damping_ratio: text.damping_ratio,
         orientation_stiffness: text.orientation_stiffness,
         orientation_damping: text.orientation_damping,
         ..PolicyMsg::EMPTY
@@ -185,9 +193,17 @@ mod tests {
 
     #[test]
     fn survives_a_round_trip_bit_for_bit() {
-        let back = from_json(&to_json(&policy()).unwrap()).unwrap();
-        assert_eq!(back, policy());
-        assert_eq!(back.digest, policy().digest);
+        let follows = PolicyMsg { damping_ratio: 0.7, ..policy() }.sealed();
+        assert_ne!(follows.digest, policy().digest);
+        for policy in [policy(), follows] {
+            let back = from_json(&to_json(&policy).unwrap()).unwrap();
+            assert_eq!(back, policy);
+            assert_eq!(back.digest, policy.digest);
+        }
+        assert!(
+            !to_json(&policy()).unwrap().contains("damping_ratio"),
+            "as it was before there was one"
+        );
     }
 
     #[test]

@@ -176,10 +176,14 @@ fn as_text(policy: &PolicyMsg) -> String {
     }
     let d = policy.task_dim as usize;
     let driven = if policy.activation == ACTIVATION_DECAY { "decay" } else { "time" };
+    let damping = match policy.damping_ratio {
+        0.0 => format!("damping {:.2} /s", policy.damping),
+        ratio => format!("dampers that follow the stiffness, ratio {ratio:.2}"),
+    };
     let mut text = format!(
         "policy {} of rollout {}: {d} coordinates, {} components driven by {driven}, {} s, \
-         damping {:.2} /s\n",
-        policy.policy_id, policy.rollout, policy.n_components, policy.duration_s, policy.damping
+         {damping}\n",
+        policy.policy_id, policy.rollout, policy.n_components, policy.duration_s
     );
     const NAMES: [&str; 6] = ["x m", "y m", "z m", "pitch rad", "roll rad", "yaw rad"];
     for (i, component) in policy.components().iter().enumerate() {

@@ -92,6 +92,8 @@ recorded! {
         "9" [message, repeated] springs: Vec<Spring>,
         /// Of a task without arm.
         "10" [double, repeated] action: Vec<f64>,
+        /// ζ: where it is not 0, spring i damps with 2ζ Kᵢ^½ instead.
+        "11" [double] damping_ratio: f64,
     }
 }
 

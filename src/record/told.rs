@@ -29,6 +29,7 @@ impl From<&PolicyMsg> for Policy {
             damping_per_s: message.damping,
             springs: springs.collect(),
             action: message.action[..message.n_actions as usize].to_vec(),
+            damping_ratio: message.damping_ratio,
         }
     }
 }

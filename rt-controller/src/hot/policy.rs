@@ -13,8 +13,10 @@ pub struct Policy {
     /// Decay rate α of s = exp(−α t); 0 when driven by time.
     decay_rate: f64,
     pub duration_s: f64,
-    /// κᵛ on the learnt coordinates, the orientation damping on the others, s⁻¹.
+    /// κᵛ on the learnt coordinates, or 0 where every spring has its own damper; the orientation
+    /// damping on the others, s⁻¹.
     damping: Vector6<f64>,
+    has_dampers: bool,
     springs: [Spring; MAX_COMPONENTS],
 }
 
@@ -26,6 +28,8 @@ struct Spring {
     width: f64,
     attractor: Vector6<f64>,
     stiffness: Matrix6<f64>,
+    /// 2ζ Kᵢ^½ on the learnt coordinates, s⁻¹.
+    damper: Matrix6<f64>,
 }
 
 /// What the policy asks for.
@@ -41,23 +45,36 @@ impl Policy {
     /// Precondition: `message` passed [`PolicyMsg::validate`].
     pub fn new(message: &PolicyMsg) -> Policy {
         let d = message.task_dim as usize;
-        let damping = |i| if i < d { message.damping } else { message.orientation_damping };
+        let has_dampers = message.damping_ratio > 0.0;
+        let damping = |i| match (i < d, has_dampers) {
+            (true, true) => 0.0,
+            (true, false) => message.damping,
+            (false, _) => message.orientation_damping,
+        };
         let mut springs = [Spring {
             center: 0.0,
             width: 1.0,
             attractor: Vector6::zeros(),
             stiffness: Matrix6::zeros(),
+            damper: Matrix6::zeros(),
         }; MAX_COMPONENTS];
         for (spring, component) in springs.iter_mut().zip(message.components()) {
+            let learnt = Matrix6::from_fn(|r, c| match r < d && c < d {
+                true => component.stiffness_at(r, c),
+                false => 0.0,
+            });
             *spring = Spring {
                 center: component.center,
                 width: component.width,
                 attractor: Vector6::from_column_slice(&component.attractor),
                 stiffness: Matrix6::from_fn(|r, c| match (r < d && c < d, r == c) {
-                    (true, _) => component.stiffness_at(r, c),
                     (false, true) => message.orientation_stiffness,
-                    (false, false) => 0.0,
+                    _ => learnt[(r, c)],
                 }),
+                damper: match has_dampers {
+                    true => root(&learnt) * (2.0 * message.damping_ratio),
+                    false => Matrix6::zeros(),
+                },
             };
         }
         let decays = message.activation == ACTIVATION_DECAY;
@@ -66,6 +83,7 @@ impl Policy {
             decay_rate: if decays { message.decay_rate } else { 0.0 },
             duration_s: message.duration_s,
             damping: Vector6::from_fn(|i, _| damping(i)),
+            has_dampers,
             springs,
         }
     }
@@ -93,7 +111,8 @@ impl Policy {
         h
     }
 
-    /// Eq. (5): ẍ = Σ hᵢ [Kᵢ (μᵢ − x) − κᵛ ẋ], where Σ hᵢ = 1.
+    /// Eq. (5): ẍ = Σ hᵢ [Kᵢ (μᵢ − x) − κᵛ ẋ], where Σ hᵢ = 1; with dampers of their own,
+    /// 2ζ Kᵢ^½ in κᵛ's place.
     pub fn command(&self, t_s: f64, task: &TaskState) -> Command {
         let h = self.activations(t_s);
         let mut xdd = -self.damping.component_mul(&task.xd);
@@ -101,9 +120,19 @@ impl Policy {
         for (h, spring) in h.iter().zip(&self.springs).take(self.n_components) {
             xdd += spring.stiffness * (spring.attractor - task.x) * *h;
             attractor += spring.attractor * *h;
+            if self.has_dampers {
+                xdd -= spring.damper * task.xd * *h;
+            }
         }
         Command { xdd, attractor }
     }
+}
+
+/// K^½ of a positive semidefinite K: V Λ^½ Vᵀ.
+fn root(K: &Matrix6<f64>) -> Matrix6<f64> {
+    let eigen = K.symmetric_eigen();
+    let roots = eigen.eigenvalues.map(|value| value.max(0.0).sqrt());
+    eigen.eigenvectors * Matrix6::from_diagonal(&roots) * eigen.eigenvectors.transpose()
 }
 
 #[cfg(test)]
@@ -148,6 +177,23 @@ mod tests {
         for (found, expected) in command.xdd.iter().zip(expected) {
             assert!((found - expected).abs() < 1e-9, "{found} instead of {expected}");
         }
+    }
+
+    #[test]
+    fn a_spring_with_a_damper_of_its_own_is_critical_along_every_axis() {
+        let mut message = two_springs();
+        message.damping_ratio = 1.0;
+        let policy = Policy::new(&message.sealed());
+        let damper = policy.springs[1].damper.fixed_view::<3, 3>(0, 0) * 0.5;
+        let stiffness = policy.springs[1].stiffness.fixed_view::<3, 3>(0, 0).clone_owned();
+        assert!((damper * damper - stiffness).amax() < 1e-10, "half of it squared is K");
+
+        let task = TaskState { x: Vector6::zeros(), xd: Vector6::z() };
+        let command = policy.command(1.0, &task);
+        // z is coupled with nothing: 2√200, where κᵛ is 10; what is not learnt keeps its own.
+        assert!((command.xdd[2] + 2.0 * 200_f64.sqrt()).abs() < 1e-9, "{}", command.xdd[2]);
+        let turning = TaskState { x: Vector6::zeros(), xd: Vector6::ith(4, 1.0) };
+        assert!((policy.command(1.0, &turning).xdd[4] + 40.0).abs() < 1e-9);
     }
 
     #[test]
