@@ -84,6 +84,7 @@ svg .line.handle{stroke:var(--muted);stroke-width:2px}
 svg .pancake{stroke-width:.8px;stroke-linejoin:round}
 svg .pancake.top{fill:var(--top);stroke:var(--top)}
 svg .pancake.bottom{fill:var(--bottom);stroke:var(--bottom)}
+svg .stiffness{fill:var(--best);fill-opacity:.2;stroke:none}
 svg .line.normal{stroke:var(--top);stroke-width:1.6px}
 svg .normal-tip{fill:var(--top)}
 ";

@@ -1,6 +1,8 @@
 //! The flip in motion: pan and pancake from the side, moved along the recorded path by key frames
 //! of a stylesheet. No script; where nothing moves, the pose at the apex is shown.
 //!
+//! With the pan moves an ellipse of the stiffness of that moment: small is soft.
+//!
 //! Both bodies move as rigid figures: the turn is that about the viewing axis, as if nothing
 //! rolled towards the viewer. `strip.rs` shows the true projection.
 
@@ -8,8 +10,9 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 use std::fmt::Write;
 
 use learner::path::PathRow;
-use nalgebra::Vector3;
+use nalgebra::{Matrix2, Vector3};
 
+use super::ellipsoids::stiffness;
 use super::side_view::{View, draw_pan, draw_pancake, orientation};
 use super::strip::finite;
 use super::{ReportData, time};
@@ -23,6 +26,8 @@ const TIME_LINE: f64 = 40.0;
 const NAME: f64 = 60.0;
 /// How many times slower than it was.
 const SLOWER: f64 = 3.0;
+/// Longest semi-axis of the stiffness's ellipse, px.
+const STIFFEST: f64 = 46.0;
 /// Rest at the end, s of the animation.
 const REST_S: f64 = 1.2;
 /// Rows of the path per key frame; between frames everything moves evenly.
@@ -47,6 +52,24 @@ impl Pose {
     }
 }
 
+/// The unit circle becomes {K u, |u| = 1}, K in px, where the pan is; z points up, y of the drawing down.
+fn ellipse(pan: &Pose, k: &Matrix2<f64>) -> String {
+    let [a, b, c, d] = [k[(0, 0)], -k[(1, 0)], -k[(0, 1)], k[(1, 1)]].map(short);
+    format!("matrix({a},{b},{c},{d},{},{})", short(pan.x), short(pan.y))
+}
+
+/// K of the policy in each frame, scaled to [`STIFFEST`]; nothing where one is not finite.
+fn ellipses(data: &ReportData, frames: &[PathRow], pan: &[Pose]) -> Option<Vec<String>> {
+    let k = frames.iter().map(|row| stiffness(&data.learnt, f64::from(row.t_s)));
+    let k: Vec<Matrix2<f64>> = k.collect();
+    let largest = k.iter().map(|k| k.norm()).fold(0.0, f64::max);
+    if !largest.is_finite() || largest <= 0.0 || k.iter().any(|k| !k.norm().is_finite()) {
+        return None;
+    }
+    let scale = STIFFEST / largest;
+    Some(pan.iter().zip(k).map(|(pan, k)| ellipse(pan, &(k * scale))).collect())
+}
+
 pub fn figure(data: &ReportData) -> Figure {
     let path = finite(&data.learnt_path);
     let frames: Vec<PathRow> = frames(&path);
@@ -59,7 +82,8 @@ pub fn figure(data: &ReportData) -> Figure {
         stem: "motion",
         title: "The flip in motion",
         caption: format!(
-            "Rollout {}, {SLOWER:.0} times slower than it was; dotted: the path of the pancake. \
+            "Rollout {}, {SLOWER:.0} times slower than it was; dotted: the path of the pancake; \
+             around the pan: the arm's stiffness at that moment, large where it is stiff. \
              The bodies turn about the viewing axis only.",
             data.learnt_rollout
         ),
@@ -120,13 +144,13 @@ impl Course {
         100.0 * SLOWER * (t_s - self.start_s) / self.animation_s()
     }
 
-    fn key_frames(&self, name: &str, frames: &[PathRow], poses: &[Pose]) -> String {
+    fn key_frames(&self, name: &str, frames: &[PathRow], transforms: &[String]) -> String {
         let mut css = format!("@keyframes {name}{{");
-        for (row, pose) in frames.iter().zip(poses) {
+        for (row, transform) in frames.iter().zip(transforms) {
             let percent = self.percent(f64::from(row.t_s));
-            write!(css, "{percent:.2}%{{transform:{}}}", pose.css()).expect("a String takes all");
+            write!(css, "{percent:.2}%{{transform:{transform}}}").expect("a String takes all");
         }
-        let last = poses.last().map(Pose::css).unwrap_or_default();
+        let last = transforms.last().map(String::as_str).unwrap_or_default();
         css + &format!("100%{{transform:{last}}}}}\n")
     }
 }
@@ -148,7 +172,15 @@ fn draw(data: &ReportData, path: &[PathRow], frames: &[PathRow]) -> Panel {
     let alt =
         format!("animation of rollout {}: pan and pancake from the side", data.learnt_rollout);
     let mut panel = Panel::new(width, height + TIME_LINE, alt);
-    panel.style(&rules(&course, frames, [&pan, &pancake, &clock], frames[apex].t_s.into()));
+    let ellipses = ellipses(data, frames, &pan);
+    let css = |poses: &[Pose]| poses.iter().map(Pose::css).collect::<Vec<String>>();
+    let mut motions = vec![
+        ("pan-motion", css(&pan)),
+        ("pancake-motion", css(&pancake)),
+        ("clock-motion", css(&clock)),
+    ];
+    motions.extend(ellipses.clone().map(|ellipses| ("stiffness-motion", ellipses)));
+    panel.style(&rules(&course, frames, &motions, frames[apex].t_s.into()));
     // A view whose origin is that of the body: the body at rest, in px about its own frame.
     let body = View { x: (0.0, 0.0), z: (0.0, 0.0), scale: view.scale };
     let at_rest = PathRow {
@@ -161,6 +193,11 @@ fn draw(data: &ReportData, path: &[PathRow], frames: &[PathRow]) -> Panel {
     panel.clipped((0.0, 0.0), (width, height), |panel| {
         let flown = |row: &PathRow| view.at(&Vector3::from(row.object_position.map(f64::from)));
         panel.path(path.iter().map(flown), "trail");
+        if let Some(ellipses) = &ellipses {
+            panel.group("moving stiffness-motion", &ellipses[apex], |panel| {
+                panel.circle((0.0, 0.0), 1.0, "stiffness");
+            });
+        }
         panel.group("moving pan-motion", &pan[apex].attribute(), |panel| {
             draw_pan(panel, &body, &at_rest);
         });
@@ -193,12 +230,17 @@ fn draw(data: &ReportData, path: &[PathRow], frames: &[PathRow]) -> Panel {
 
 /// Key frames, and who follows them; on paper nothing moves, and where motion is not wanted it
 /// waits at the apex for the switch.
-fn rules(course: &Course, frames: &[PathRow], poses: [&[Pose]; 3], apex_s: f64) -> String {
+fn rules(
+    course: &Course,
+    frames: &[PathRow],
+    motions: &[(&str, Vec<String>)],
+    apex_s: f64,
+) -> String {
     let duration = course.animation_s();
     let before_apex = duration * course.percent(apex_s) / 100.0;
     let mut css = String::new();
-    for (name, poses) in ["pan-motion", "pancake-motion", "clock-motion"].into_iter().zip(poses) {
-        css += &course.key_frames(name, frames, poses);
+    for (name, transforms) in motions {
+        css += &course.key_frames(name, frames, transforms);
         writeln!(
             css,
             "@media screen{{.{name}{{animation:{name} {duration:.2}s linear infinite}}}}"
@@ -235,7 +277,8 @@ mod tests {
         let frames = frames(&data.learnt_path);
         let view = View::within(&data.learnt_path, (HALF, HEIGHT));
         let course = Course::of(&frames);
-        let css = course.key_frames("pancake", &frames, &pancake_poses(&view, &frames));
+        let poses: Vec<String> = pancake_poses(&view, &frames).iter().map(Pose::css).collect();
+        let css = course.key_frames("pancake", &frames, &poses);
         let found = parse(&css);
         assert_eq!(found.len(), frames.len() + 1, "and the rest at the end");
         for ([percent, x, y, _], row) in found.iter().zip(&frames) {
@@ -256,6 +299,22 @@ mod tests {
         row.pan_rotation[0] = 0.5;
         let view = View { x: (0.0, 1.0), z: (0.0, 1.0), scale: 100.0 };
         assert!((pan_pose(&view, &row).turn - 28.65).abs() < 0.01);
+    }
+
+    #[test]
+    fn the_ellipse_is_wide_where_the_arm_is_stiff() {
+        let pan = Pose { x: 100.0, y: 50.0, turn: 20.0 };
+        // Stiff along x = z, which is to the right and up: the corner (1, −1) of the drawing grows.
+        let k = Matrix2::new(2.0, 1.0, 1.0, 2.0);
+        assert_eq!(ellipse(&pan, &k), "matrix(2,-1,-1,2,100,50)");
+        let data = sample::session(5);
+        let frames = frames(&data.learnt_path);
+        let pans = vec![pan; frames.len()];
+        let ellipses = ellipses(&data, &frames, &pans).unwrap();
+        let height = |text: &String| text.split(',').nth(3).unwrap().parse::<f64>().unwrap();
+        let heights: Vec<f64> = ellipses.iter().map(height).collect();
+        let (min, max) = heights.iter().fold((f64::MAX, 0.0), |(a, b), h| (h.min(a), h.max(b)));
+        assert!(max <= STIFFEST && min < 0.5 * max, "soft at the catch: {min} to {max}");
     }
 
     #[test]

@@ -44,7 +44,7 @@ pub fn figure(data: &ReportData) -> Figure {
 }
 
 /// The x–z block of Σ hᵢ(t) Kᵢ, s⁻².
-fn stiffness(policy: &PolicyMsg, t_s: f64) -> Matrix2<f64> {
+pub fn stiffness(policy: &PolicyMsg, t_s: f64) -> Matrix2<f64> {
     let h = policy_activations(policy, t_s);
     h.iter().zip(policy.components()).fold(Matrix2::zeros(), |sum, (h, component)| {
         let k = |row, column| component.stiffness_at(row, column);
