@@ -31,7 +31,7 @@ pub struct ComplianceConfig {
 
 impl Default for ComplianceConfig {
     fn default() -> Self {
-        ComplianceConfig { weight: 1.0, stiff: 900.0, soft: 50.0 }
+        ComplianceConfig { weight: 1.5, stiff: 900.0, soft: 50.0 }
     }
 }
 

@@ -8,7 +8,8 @@
 //! learns from the best *successes* only, and the floor falls with each further one. A reward that was shaped to lead to a
 //! success need not tell good successes from near misses. In the second phase directions open that are
 //! about how to succeed, the mean itself is executed now and then, and of several draws the one is
-//! executed whose known reward is highest ([`draws`]).
+//! executed whose known reward is highest. Where draws fail the noise narrows, and where the mean fails it
+//! is taken from fewer successes ([`draws`]).
 
 mod draws;
 
@@ -84,6 +85,14 @@ pub struct PowerConfig {
     /// known reward is executed; 1 for a plain draw.
     #[serde(default = "one")]
     pub candidates: usize,
+    /// In the phase of successes the noise is scaled so that this share of draws succeeds; 0 for noise as it
+    /// comes.
+    #[serde(default = "as_it_comes")]
+    pub success_rate: f64,
+    /// When the mean fails that is executed now and then, half of the successes are left to learn from, and
+    /// one more with every mean that succeeds: around a place that is none there are successes too.
+    #[serde(default)]
+    pub fewer_elites: bool,
     /// The floor of directions that open late, from their opening on.
     pub late_std: f64,
     pub late_decay: f64,
@@ -97,6 +106,10 @@ fn never() -> u64 {
 
 fn one() -> usize {
     1
+}
+
+fn as_it_comes() -> f64 {
+    0.0
 }
 
 impl Default for PowerConfig {
@@ -115,6 +128,8 @@ impl Default for PowerConfig {
             floor_min: 0.1,
             mean_every: 5,
             candidates: 5,
+            success_rate: 0.9,
+            fewer_elites: true,
             late_std: 0.5,
             late_decay: 0.97,
             late_min: 0.15,
@@ -136,6 +151,7 @@ impl PowerConfig {
             range("floor_min", self.floor_min, 0.0, self.floor_std),
             range("mean_every", self.mean_every as f64, 0.0, 1e6),
             range("candidates", self.candidates as f64, 1.0, 1e3),
+            range("success_rate", self.success_rate, 0.0, 0.99),
             range("late_std", self.late_std, 0.0, 100.0),
             range("late_decay", self.late_decay, 0.5, 1.0),
             range("late_min", self.late_min, 0.0, self.late_std),
@@ -222,6 +238,10 @@ pub struct Power {
     /// Trials told since the elites are the successes; `None` before.
     n_succeeding: Option<u64>,
     last_succeeded: bool,
+    /// Of the noise in the phase of successes, at most 1.
+    spread: f64,
+    /// Of the successes, so many are learnt from.
+    n_chosen: usize,
     /// The first trial and those of the initial batch.
     initial: Vec<Trial>,
 }
@@ -243,6 +263,8 @@ impl Power {
             n_falls,
             n_succeeding,
             last_succeeded,
+            spread: 1.0,
+            n_chosen: config.n_elites,
             initial,
         }
     }
@@ -282,7 +304,8 @@ impl Power {
         let successful = self.config.elites == Elites::Successes
             && n_successes >= self.config.min_successes.min(self.config.n_elites);
         let chosen = self.kept.iter().filter(|trial| trial.success || !successful);
-        (chosen.take(self.config.n_elites).cloned().collect(), successful)
+        let n = if successful { self.n_chosen } else { self.config.n_elites };
+        (chosen.take(n).cloned().collect(), successful)
     }
 
     /// Eqs. (1) and (6), which share Θ⁽ⁿ⁻¹⁾. Without any reward mean and covariance stay. Returns
@@ -329,8 +352,8 @@ impl Search for Power {
         self.check_reward(trial.reward).expect("the reward was checked");
         self.n_told += 1;
         self.worst = self.worst.min(trial.reward);
-        self.last_succeeded = trial.success;
         self.keep(trial);
+        self.take_note(trial.success);
         if self.n_told <= self.config.n_initial {
             self.initial.push(trial.clone());
             return;
@@ -355,7 +378,8 @@ impl Search for Power {
         for factor in self.factors.iter().flatten() {
             variance += factor.component_mul(factor);
         }
-        SearchSnapshot { mean: self.mean.clone(), std: variance.map(f64::sqrt), floor }
+        let std = variance.map(f64::sqrt) * self.spread;
+        SearchSnapshot { mean: self.mean.clone(), std, floor }
     }
 }
 

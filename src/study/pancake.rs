@@ -86,7 +86,9 @@ pub fn uniform(config: &mut LearnerConfig) {
     config.exploration.grows = false;
     config.exploration.stiffness = StiffnessKind::Uniform;
     config.compliance = ComplianceConfig::off();
-    (config.search.power.mean_every, config.search.power.candidates) = (0, 1);
+    let power = &mut config.search.power;
+    (power.mean_every, power.candidates) = (0, 1);
+    (power.success_rate, power.fewer_elites) = (0.0, false);
 }
 
 /// The default search on all parameters.
@@ -113,6 +115,8 @@ fn paper(config: &mut LearnerConfig) {
         floor_min: 0.05,
         mean_every: 0,
         candidates: 1,
+        success_rate: 0.0,
+        fewer_elites: false,
         ..PowerConfig::default()
     };
 }
@@ -188,12 +192,19 @@ pub fn learn(
     bench: &Bench,
     world: impl Fn(u64) -> PancakeConfig,
 ) -> Result<(Vec<Executed>, Answer)> {
+    learn_by(bench, |problem, rollout, theta| bench.rollout(problem, theta, &world(rollout)))
+}
+
+/// The same, where `execute` runs θ as a rollout of that number.
+pub fn learn_by(
+    bench: &Bench,
+    execute: impl Fn(&Problem, u64, &DVector<f64>) -> Result<(bool, f64)>,
+) -> Result<(Vec<Executed>, Answer)> {
     let config = &bench.config.learner;
     let problem = Problem::new(config, &setup::demonstrations(&bench.config)?)?;
     let mut search: Box<dyn Search> = problem.search(config);
-    let executed = session(&mut *search, config.rollouts, |rollout, theta| {
-        bench.rollout(&problem, theta, &world(rollout))
-    })?;
+    let executed =
+        session(&mut *search, config.rollouts, |rollout, theta| execute(&problem, rollout, theta))?;
     let mean = search.mean().clone();
     Ok((executed, (problem, mean)))
 }
@@ -235,11 +246,7 @@ impl Bench {
         (problem, theta): &Answer,
         world: impl Fn(u64) -> PancakeConfig,
     ) -> Result<f64> {
-        let mut n = 0;
-        for draw in 0..N_PERTURBED {
-            n += u64::from(self.rollout(problem, theta, &world(draw))?.0);
-        }
-        Ok(n as f64 / N_PERTURBED as f64)
+        share(|draw| Ok(self.rollout(problem, theta, &world(draw))?.0))
     }
 
     /// Success and reward.
@@ -249,8 +256,21 @@ impl Bench {
         theta: &DVector<f64>,
         world: &PancakeConfig,
     ) -> Result<(bool, f64)> {
-        let mut plant = PancakePlant::new(&self.arm, &self.config.plant.start_posture(), world);
-        let records = self.records(problem, theta, &mut plant)?;
+        self.rollout_on(problem, theta, &mut self.plant(world))
+    }
+
+    pub fn plant(&self, world: &PancakeConfig) -> PancakePlant {
+        PancakePlant::new(&self.arm, &self.config.plant.start_posture(), world)
+    }
+
+    /// The same on a plant of one's own.
+    pub fn rollout_on<P: Plant>(
+        &self,
+        problem: &Problem,
+        theta: &DVector<f64>,
+        plant: &mut P,
+    ) -> Result<(bool, f64)> {
+        let records = self.records(problem, theta, plant)?;
         let (_, success, reward) =
             self.judge.judge(&self.policy(problem, theta), &EpisodeHeader::default(), &records)?;
         Ok((success, reward))
@@ -276,6 +296,15 @@ impl Bench {
         records.truncate(rollout.n_records);
         Ok(records)
     }
+}
+
+/// The share of successes of perturbed rollouts, each by its number.
+pub fn share(mut succeeds: impl FnMut(u64) -> Result<bool>) -> Result<f64> {
+    let mut n = 0;
+    for draw in 0..N_PERTURBED {
+        n += u64::from(succeeds(draw)?);
+    }
+    Ok(n as f64 / N_PERTURBED as f64)
 }
 
 /// The built-in arm with a part of its pan's mass.

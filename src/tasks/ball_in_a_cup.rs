@@ -67,6 +67,7 @@ fn configure(config: &mut Config) {
     let power = &mut learner.search.power;
     (power.floor_min, power.floor_decay, power.min_successes) = (0.02, 0.8, 2);
     (power.mean_every, power.candidates) = (0, 1);
+    (power.success_rate, power.fewer_elites) = (0.0, false);
 }
 
 fn world(config: &Config) -> Result<ArmWorld> {

@@ -2,7 +2,7 @@
 
 use nalgebra::DVector;
 
-use super::Power;
+use super::{Power, PowerConfig};
 use crate::normals::{standard_normal, stream};
 
 /// Streams of the further candidates of a rollout lie this far apart.
@@ -11,6 +11,14 @@ const CANDIDATES: u64 = 1 << 48;
 /// A correlation below this, of so many trials, says that going forwards pays less.
 const PAYS_LESS: f64 = -0.5;
 const ENOUGH: usize = 4;
+
+/// Elites that are left at least.
+pub(super) const FEWEST: usize = 2;
+
+/// Of the noise with each success, until it is as wide as Eq. (6) says.
+pub(super) const GROWTH: f64 = 1.02;
+/// Where a world's own chances make draws fail, less noise helps nobody.
+pub(super) const NARROWEST: f64 = 0.2;
 
 impl Power {
     /// Of the phase of successes every so-and-so-many rollouts.
@@ -34,6 +42,24 @@ impl Power {
         best.1
     }
 
+    /// What a trial of the phase of successes says of mean and noise, whatever it was rewarded with.
+    pub(super) fn take_note(&mut self, success: bool) {
+        self.last_succeeded = success;
+        if self.n_succeeding.is_none() {
+            return;
+        }
+        let PowerConfig { n_elites, success_rate, fewer_elites, .. } = self.config;
+        if !self.is_turn_of_mean() {
+            // Rechenberg's rule: a success lets the noise grow a little again, a failure narrows it so much
+            // more that both cancel at the rate that is asked for.
+            let exponent = if success { 1.0 } else { -success_rate / (1.0 - success_rate) };
+            self.spread = (self.spread * GROWTH.powf(exponent)).clamp(NARROWEST, 1.0);
+        } else if fewer_elites {
+            let n = if success { self.n_chosen + 1 } else { self.n_chosen / 2 };
+            self.n_chosen = n.clamp(FEWEST.min(n_elites), n_elites);
+        }
+    }
+
     /// Eq. (6), sampling: θ = Θ⁽ⁿ⁾ + Σₘ fₘ zₘ + σ₀ z with zₘ, z ~ 𝒩(0, 1), moved into the box where
     /// one is known.
     ///
@@ -44,12 +70,12 @@ impl Power {
         let mut theta = self.mean.clone();
         let mut rng = stream(self.seed, number);
         for factor in self.factors.iter().flatten() {
-            theta += factor * standard_normal(&mut rng);
+            theta += factor * (self.spread * standard_normal(&mut rng));
         }
         for i in 0..theta.len() {
             let z = standard_normal(&mut rng);
             let z = if self.goes_forwards_only(i) { z.abs() } else { z };
-            theta[i] += self.floor_along(i) * z;
+            theta[i] += self.spread * self.floor_along(i) * z;
         }
         theta
     }

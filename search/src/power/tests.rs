@@ -4,6 +4,7 @@ use serde::Deserialize;
 
 use super::super::normals::{standard_normal, stream};
 use super::super::vectors::{matrix, read, trials};
+use super::draws::{FEWEST, GROWTH, NARROWEST};
 use super::*;
 use crate::space::{Direction, Known};
 
@@ -38,6 +39,8 @@ fn plain() -> PowerConfig {
         memory: 0,
         mean_every: 0,
         candidates: 1,
+        success_rate: 0.0,
+        fewer_elites: false,
         late_std: 0.5,
         late_decay: 1.0,
         late_min: 0.1,
@@ -431,4 +434,74 @@ fn after_a_success_the_candidate_with_the_highest_known_reward_is_executed() {
     executes(&mut failed, 13..=13, false);
     let plain = failed.draw(14);
     assert_eq!(failed.ask(14).theta, plain, "after a failure a plain draw");
+}
+
+#[test]
+fn where_draws_fail_the_noise_narrows_until_they_succeed_as_often_as_asked() {
+    let config = PowerConfig {
+        n_initial: 3,
+        min_successes: 2,
+        mean_every: 0,
+        success_rate: 0.75,
+        ..PowerConfig::default()
+    };
+    let mut search = staged(config);
+    executes(&mut search, 1..=8, false);
+    assert_eq!(search.spread, 1.0, "before there are successes it is the paper's search");
+    executes(&mut search, 9..=10, true);
+    executes(&mut search, 11..=11, true);
+    assert_eq!(search.spread, 1.0, "never wider than Eq. (6) says");
+    let wide = search.snapshot(12).std;
+    executes(&mut search, 12..=12, false);
+    let narrower = GROWTH.powi(-3);
+    assert!(
+        (search.snapshot(13).std - wide * narrower).amax() < 1e-12,
+        "one failure, three successes"
+    );
+    executes(&mut search, 13..=15, true);
+    assert!((search.spread - 1.0).abs() < 1e-12, "and three successes take it back");
+    executes(&mut search, 16..=60, false);
+    assert_eq!(search.spread, NARROWEST);
+
+    let mut as_it_comes = staged(PowerConfig { success_rate: 0.0, ..config });
+    executes(&mut as_it_comes, 1..=10, true);
+    executes(&mut as_it_comes, 11..=20, false);
+    assert_eq!(as_it_comes.spread, 1.0);
+}
+
+#[test]
+fn a_mean_that_fails_is_taken_from_fewer_successes() {
+    let config = PowerConfig {
+        n_elites: 8,
+        n_initial: 3,
+        min_successes: 2,
+        mean_every: 2,
+        ..PowerConfig::default()
+    };
+    // Every second rollout of the phase of successes is the mean.
+    let after = |means: &[bool]| {
+        let mut search = staged(config);
+        executes(&mut search, 1..=8, true);
+        let mut rollout = 9;
+        for &succeeds in means {
+            while !search.is_turn_of_mean() {
+                executes(&mut search, rollout..=rollout, true);
+                rollout += 1;
+            }
+            executes(&mut search, rollout..=rollout, succeeds);
+            rollout += 1;
+        }
+        search
+    };
+    let n = |means: &[bool]| after(means).n_chosen;
+    assert_eq!([n(&[]), n(&[true]), n(&[false]), n(&[false, true])], [8, 8, 4, 5]);
+    assert_eq!(n(&[false; 5]), FEWEST, "never from one alone");
+    let search = after(&[false]);
+    let (elites, successful) = search.elites();
+    assert!(successful && elites.len() == 4 && elites.iter().all(|trial| trial.success));
+    let off = PowerConfig { fewer_elites: false, ..config };
+    let mut off = staged(off);
+    executes(&mut off, 1..=8, true);
+    executes(&mut off, 9..=20, false);
+    assert_eq!(off.n_chosen, 8);
 }
