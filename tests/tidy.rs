@@ -194,7 +194,8 @@ fn an_error_shows_its_cause_or_returns_it_and_not_both() {
     }
 }
 
-/// A task is its own file and a name in the list: whoever adds one touches nothing else.
+/// A task is its own file and a name in the list: whoever adds one touches nothing else. Studies are about
+/// tasks, and may name them.
 #[test]
 fn a_task_is_named_in_its_own_file_and_in_the_list() {
     let list = fs::read_to_string(root().join("src/tasks/mod.rs")).unwrap();
@@ -211,6 +212,7 @@ fn a_task_is_named_in_its_own_file_and_in_the_list() {
             .into_iter()
             .map(|(path, text)| (path.strip_prefix(root()).unwrap().display().to_string(), text))
             .filter(|(path, _)| path.starts_with("src/") || path.contains("/src/"))
+            .filter(|(path, _)| !path.starts_with("src/study/"))
             .filter(|(_, text)| spoken.iter().any(|name| text.contains(name.as_str())))
             .map(|(path, _)| path)
             .collect();

@@ -9,17 +9,17 @@ use anyhow::Result;
 use learner::LearnerConfig;
 use learner::activation::stiffness;
 use learner::exploration::StiffnessKind;
-use nalgebra::{Vector3, Vector6};
-use physics::arm::{ArmModel, JointVector, TipKinematics};
-use physics::pancake::{PancakeConfig, PancakePlant};
-use physics::plant::{Measurement, Plant};
+use learner::problem::Problem;
+use nalgebra::{DVector, Vector3};
+use physics::pancake::PancakeConfig;
 use rand::RngExt;
-use search::normals::stream;
+use search::normals::{standard_normal, stream};
 use shm_types::episode::{EpisodeHeader, TickRecord};
 use shm_types::policy::PolicyMsg;
 
 use super::Sample;
-use super::pancake::{Answer, Bench, JUDGING, LEARNING, learn, summary, uniform};
+use super::disturbance::{Begins, Disturbed, PUSH_S, Push};
+use super::pancake::{Answer, Bench, JUDGING, LEARNING, learn, learn_by, share, summary, uniform};
 use crate::config::Config;
 use crate::config::plant::DynamicsKind;
 
@@ -28,9 +28,10 @@ const HEAVY: (f64, f64) = (0.1, 0.4);
 /// Worlds to learn in that vary: mass, kg, and restitution are drawn from these.
 const MASSES: [f64; 2] = [0.02, 0.12];
 const RESTITUTIONS: [f64; 2] = [0.0, 0.4];
-/// A person's push on the pan, downwards, N, from the crossing on for so long, s.
+/// A person's push on the pan, N: downwards from the crossing on, or any way in worlds that vary, where it
+/// begins so long after the throw, s.
 const PUSH_N: f64 = 2.0;
-const PUSH_S: f64 = 0.2;
+const PUSH_AFTER_S: f64 = 0.3;
 /// The throw is the end of what comes before the release, s.
 const THROW_S: f64 = 0.2;
 /// Height among the coordinates of a policy.
@@ -44,13 +45,14 @@ struct Kind {
     config: fn(&mut LearnerConfig),
 }
 
-const KINDS: [Kind; 6] = [
+const KINDS: [Kind; 7] = [
     Kind { name: "uniform, unpaid", config: uniform },
     Kind { name: "fixed", config: |c| c.exploration.stiffness = StiffnessKind::Fixed },
     Kind { name: "uniform", config: |c| c.exploration.stiffness = StiffnessKind::Uniform },
     Kind { name: "components", config: |c| c.exploration.stiffness = StiffnessKind::Components },
     Kind { name: DEFAULT, config: |c| c.exploration.stiffness = StiffnessKind::Phases },
     Kind { name: "full", config: |c| c.exploration.stiffness = StiffnessKind::Full },
+    Kind { name: "phases, own dampers", config: |c| c.damping_ratio = 1.0 },
 ];
 
 pub fn run_seed(seed: u64) -> Result<Vec<Sample>> {
@@ -69,10 +71,16 @@ pub fn run_varying_seed(seed: u64) -> Result<Vec<Sample>> {
     let mut samples = Vec::new();
     for kind in &KINDS {
         let bench = bench(kind, seed)?;
-        let world = |rollout| varying(&bench, seed, LEARNING + rollout);
-        let (executed, answer) = learn(&bench, world)?;
+        let rollout = |problem: &Problem, theta: &DVector<f64>, draw| {
+            let plant = bench.plant(&varying(&bench, seed, draw));
+            let push = push(seed, draw, bench.world.period_s);
+            let mut pushed = Disturbed::new(plant, &bench.arm, push);
+            bench.rollout_on(problem, theta, &mut pushed)
+        };
+        let (executed, (problem, theta)) =
+            learn_by(&bench, |problem, n, theta| rollout(problem, theta, LEARNING + n))?;
         samples.extend(summary(kind.name, &executed));
-        let robust = bench.robustness(&answer, |n| varying(&bench, seed, JUDGING + n))?;
+        let robust = share(|n| Ok(rollout(&problem, &theta, JUDGING + n)?.0))?;
         samples.push(Sample::mean(kind.name, "robustness in such worlds", robust));
     }
     Ok(samples)
@@ -125,6 +133,14 @@ fn bench(kind: &Kind, seed: u64) -> Result<Bench> {
     (config.controller.posture_stiffness, config.controller.posture_damping) = (400.0, 40.0);
     (kind.config)(&mut config.learner);
     Bench::new(config, false)
+}
+
+/// A push in any direction, some time after the throw.
+fn push(seed: u64, draw: u64, period_s: f64) -> Push {
+    let mut rng = stream(seed, draw + (2 << 40));
+    let way = Vector3::from_fn(|_, _| standard_normal(&mut rng));
+    let after_s = rng.random_range(0.0..=PUSH_AFTER_S);
+    Push::new(way.normalize() * PUSH_N, Begins::Thrown(after_s), period_s)
 }
 
 /// A world of [`Bench::perturbed`] with another mass and restitution.
@@ -180,10 +196,12 @@ struct Profile {
 /// `None` where nothing is tossed.
 fn profile(bench: &Bench, (problem, theta): &Answer) -> Result<Option<Profile>> {
     let policy = bench.policy(problem, theta);
-    let q0 = bench.config.plant.start_posture();
-    let new = || PancakePlant::new(&bench.arm, &q0, &bench.world);
-    let mut plant =
-        Pushed { plant: new(), arm: &bench.arm, ticks: 0, window: (1, 0), heights: vec![] };
+    let period_s = bench.world.period_s;
+    let new = |begins| {
+        let push = Push::new(Vector3::z() * -PUSH_N, begins, period_s);
+        Disturbed::new(bench.plant(&bench.world), &bench.arm, push)
+    };
+    let mut plant = new(Begins::Never);
     let records = bench.records(problem, theta, &mut plant)?;
     let (measures, _, _) = bench.judge.judge(&policy, &EpisodeHeader::default(), &records)?;
     let of = |name: &str| measures.get(name).unwrap_or(0.0);
@@ -191,19 +209,18 @@ fn profile(bench: &Bench, (problem, theta): &Answer) -> Result<Option<Profile>> 
         return Ok(None);
     }
     let (release_s, crossing_s) = (of("release_time_s"), of("crossing_time_s"));
-    let period_s = bench.world.period_s;
     // The records begin with the movement, some ticks after the world.
-    let begin = plant.heights.len() - ticks_of(&records, bench);
+    let begin = plant.by.heights.len() - ticks_of(&records, bench);
     let from = begin + (crossing_s / period_s) as usize;
-    let window = (from, from + (PUSH_S / period_s) as usize);
-    let mut pushed = Pushed { plant: new(), arm: &bench.arm, ticks: 0, window, heights: vec![] };
+    let mut pushed = new(Begins::At(from));
     bench.records(problem, theta, &mut pushed)?;
-    let at = (window.1).min(plant.heights.len().min(pushed.heights.len()) - 1);
+    let end = from + (PUSH_S / period_s) as usize;
+    let at = end.min(plant.by.heights.len().min(pushed.by.heights.len()) - 1);
     Ok(Some(Profile {
         throw: mean_k_zz(&policy, release_s - THROW_S, release_s),
         catch: mean_k_zz(&policy, crossing_s, crossing_s + PUSH_S),
         off_diagonal: largest_coupling(&policy),
-        yields_m: plant.heights[at] - pushed.heights[at],
+        yields_m: plant.by.heights[at] - pushed.by.heights[at],
         reach_m: farthest_attractor(&policy),
     }))
 }
@@ -237,49 +254,4 @@ fn largest_coupling(policy: &PolicyMsg) -> f64 {
 fn farthest_attractor(policy: &PolicyMsg) -> f64 {
     let place = |i: usize| Vector3::from_column_slice(&policy.components[i].attractor[..3]);
     (0..policy.components().len()).map(|i| (place(i) - place(0)).norm()).fold(0.0, f64::max)
-}
-
-/// A world in which somebody pushes the tip down for a while.
-struct Pushed<'a> {
-    plant: PancakePlant,
-    arm: &'a ArmModel,
-    ticks: usize,
-    window: (usize, usize),
-    /// Of the tip after each tick, m.
-    heights: Vec<f64>,
-}
-
-impl Plant for Pushed<'_> {
-    fn is_simulated(&self) -> bool {
-        true
-    }
-
-    fn begin_reset(&mut self) {
-        self.plant.begin_reset();
-        (self.ticks, self.heights) = (0, Vec::new());
-    }
-
-    fn is_ready(&self) -> bool {
-        true
-    }
-
-    fn measure(&self) -> Measurement {
-        self.plant.measure()
-    }
-
-    fn apply(&mut self, tau: &JointVector) {
-        let Measurement { q, qd, .. } = self.plant.measure();
-        let force = Vector6::new(0.0, 0.0, -PUSH_N, 0.0, 0.0, 0.0);
-        let push = TipKinematics::new(self.arm, &q, &qd).J.tr_mul(&force);
-        let is_pushed = (self.window.0..self.window.1).contains(&self.ticks);
-        self.plant.apply(&if is_pushed { tau + push } else { *tau });
-    }
-
-    fn advance(&mut self) {
-        self.plant.advance();
-        self.ticks += 1;
-        let Measurement { q, .. } = self.plant.measure();
-        let tip = physics::arm::kinematics::tip_pose(self.arm, &q);
-        self.heights.push(tip.translation.z);
-    }
 }

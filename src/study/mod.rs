@@ -5,6 +5,7 @@ mod comparison;
 mod compliance;
 mod contender;
 mod cost;
+mod disturbance;
 mod drift;
 mod figures;
 mod landscape;
@@ -19,6 +20,7 @@ mod sample;
 mod simulation;
 mod skittles;
 mod statistics;
+mod table;
 mod tasks;
 mod textbook;
 mod tune;
@@ -87,14 +89,20 @@ pub const STUDIES: &[Study] = &[
     table_of(
         "compliance",
         "which stiffnesses are learnt, and what they are worth: heavy pancakes, pushes",
-        1,
+        2,
         compliance::run_seed,
     ),
     table_of(
         "compliance-varying",
-        "the same learnt on pancakes of 20 to 120 g that bounce or not",
-        1,
+        "the same learnt on pancakes of 20 to 120 g that bounce or not, while somebody pushes",
+        2,
         compliance::run_varying_seed,
+    ),
+    table_of(
+        "compliance-table",
+        "ball-in-a-cup beside a table on whose edge the cup catches",
+        1,
+        table::run_seed,
     ),
     table_of(
         "dynamics",
