@@ -4,16 +4,19 @@ use anyhow::{Context, Result, bail};
 use learner::LearnerConfig;
 use learner::expression::{Expression, Kind};
 use learner::judge::{Declared, Judge, Paid, Verdict, VerdictError, list};
+use learner::targets;
 use shm_types::measures::{Measures, TRUTH};
 
 use crate::config::{Config, JudgeConfig};
 
 pub fn judge(config: &Config) -> Result<Judge> {
-    let (measurer, compliance) = (config.task()?.measurer(config)?, &config.learner.compliance);
+    let task = config.task()?;
+    let (measurer, compliance) = (task.measurer(config)?, &config.learner.compliance);
     let mut declared = measurer.declared();
     declared.extend(compliance.declared());
-    let verdict = verdict(config, &declared)?;
-    Ok(Judge::new(measurer, verdict).with_compliance(compliance))
+    targets::check(config.learner.search.targets(), &declared)?;
+    let judge = Judge::new(measurer, verdict(config, &declared)?).with_compliance(compliance);
+    Ok(judge.with_prediction(task.predictor(config)?))
 }
 
 /// What `config` makes of the measures `declared`.

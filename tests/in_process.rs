@@ -79,6 +79,6 @@ fn thetas_rewards_and_outcomes_are_those_of_a_session() {
         assert_eq!(measures.get("clipped_share"), Some(share), "rollout {rollout}");
 
         assert_eq!((success, reward.to_bits()), (trial.success, trial.reward.to_bits()));
-        search.tell(&Trial { rollout, theta, reward, success });
+        search.tell(&Trial { rollout, theta, reward, success, measured: Vec::new() });
     }
 }

@@ -61,7 +61,7 @@ fn successes(config: &LearnerConfig, demonstration: &Demonstration, arm: &ArmMod
         let done = simulate(&mut controlled, &controller, &policy, &mut records).unwrap();
         let (_, success, reward) =
             judge.judge(&policy, &EpisodeHeader::default(), &records[..done.n_records]).unwrap();
-        search.tell(&Trial { rollout, theta, reward, success });
+        search.tell(&Trial { rollout, theta, reward, success, measured: Vec::new() });
         success
     };
     (1..=config.rollouts).map(rollout).collect()

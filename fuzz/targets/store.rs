@@ -121,7 +121,7 @@ fuzz_target!(|data: &[u8]| {
         for id in 0..4 {
             let _ = (store.path(id), store.policy(id));
         }
-        if let Ok(Replayed { search, .. }) = Replayed::of(&store, &[], &mut |_| {}) {
+        if let Ok(Replayed { search, .. }) = Replayed::of(&store, &[], None, &mut |_| {}) {
             let _ = search.modes();
         }
     }

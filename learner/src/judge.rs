@@ -10,6 +10,7 @@ use shm_types::policy::PolicyMsg;
 use thiserror::Error;
 
 use crate::compliance::{self, ComplianceConfig};
+use crate::prediction::Predictor;
 
 /// Names and units of the measures of a session, in order.
 pub type Declared = Vec<(String, String)>;
@@ -43,6 +44,9 @@ pub struct Judge {
     measurer: Box<dyn Measurer>,
     compliance: Option<ComplianceConfig>,
     verdict: Box<dyn Verdict>,
+    predictor: Option<Predictor>,
+    /// Those of the measures that count, where not all do.
+    kept: Option<Declared>,
 }
 
 /// A verdict, and pay for compliance where it is success.
@@ -78,7 +82,23 @@ pub enum JudgeError {
 
 impl Judge {
     pub fn new(measurer: Box<dyn Measurer>, verdict: Box<dyn Verdict>) -> Judge {
-        Judge { measurer, compliance: None, verdict }
+        Judge { measurer, compliance: None, verdict, predictor: None, kept: None }
+    }
+
+    /// Knows what the task can compute of its measures before a rollout.
+    pub fn with_prediction(self, predictor: Option<Predictor>) -> Judge {
+        Judge { predictor, ..self }
+    }
+
+    pub fn predictor(&self) -> Option<Predictor> {
+        self.predictor.clone()
+    }
+
+    /// Goes on with the measures of a session, whose task measured less when it was started.
+    pub fn keeping(self, measures: &Declared) -> Judge {
+        let all = self.declared();
+        let are_known = measures.iter().all(|measure| all.contains(measure));
+        Judge { kept: are_known.then(|| measures.clone()), ..self }
     }
 
     /// Measures the policy's compliance too, after the task's measures, unless it pays nothing.
@@ -95,7 +115,7 @@ impl Judge {
     pub fn declared(&self) -> Declared {
         let mut declared = self.measurer.declared();
         declared.extend(self.compliance.and_then(|config| config.declared()));
-        declared
+        self.kept.clone().unwrap_or(declared)
     }
 
     /// Measures, success and reward of a checked episode of `policy`.
@@ -109,6 +129,10 @@ impl Judge {
         if let Some(config) = &self.compliance {
             let value = config.measure(policy);
             measures.push(Measure { name: compliance::MEASURE, unit: "1", value })?;
+        }
+        if let Some(kept) = &self.kept {
+            let is_kept = |m: &Measure| kept.iter().any(|(name, _)| name == m.name);
+            measures = Measures::of(measures.iter().filter(is_kept))?;
         }
         let (found, expected) = (measures.declared(), self.declared());
         if found != expected {
@@ -157,6 +181,27 @@ mod tests {
         fn judge(&self, measures: &Measures) -> Result<(bool, f64), VerdictError> {
             Ok((measures.has("caught"), 2.0))
         }
+    }
+
+    /// A task that measures more than it did leaves the sessions of before as they are.
+    #[test]
+    fn a_session_keeps_the_measures_it_was_started_with() {
+        let number = |name| Measure { name, unit: "m", value: 0.5 };
+        let caught = Measure { name: "caught", unit: TRUTH, value: 1.0 };
+        let all = Measures::of([number("new_m"), caught, number("apex_m")]).unwrap();
+        let before = Measures::of([caught, number("apex_m")]).unwrap();
+        let judge = || Judge::new(Box::new(PlantMeasures(all.declared())), Box::new(Caught));
+        let judged = |judge: Judge| {
+            let header = EpisodeHeader { measures: all, ..EpisodeHeader::default() };
+            judge.judge(&PolicyMsg::EMPTY, &header, &[]).unwrap().0
+        };
+        assert_eq!(judged(judge()), all);
+        let kept = judge().keeping(&before.declared());
+        assert_eq!(kept.declared(), before.declared());
+        assert_eq!(judged(kept), before);
+        // One that the task does not have is no session of it.
+        let other = Measures::of([caught, number("miss_m")]).unwrap();
+        assert_eq!(judge().keeping(&other.declared()).declared(), all.declared());
     }
 
     #[test]

@@ -33,8 +33,8 @@ use crate::problem::Problem;
 use crate::replay::{Replayed, Told, replay, same_bits};
 use crate::store::{Event, SessionMeta, Step, Store, TrialRecord};
 use crate::summary::{Summary, TrialReport};
-use search::AskTell;
 use search::trial::Proposal;
+use search::{AskTell, TellError};
 
 /// The session file within its folder.
 pub const SESSION_FILE: &str = "session.db";
@@ -72,7 +72,8 @@ impl Learner {
         };
         let (session, policy_id) = (meta.session_id, INITIAL_POLICY_ID);
         let initial = PolicyMsg { session, policy_id, ..policy };
-        let problem = Problem::around(&initial, &meta.learner, demonstrations)?;
+        let problem = Problem::around(&initial, &meta.learner, demonstrations)?
+            .with_prediction(&meta.learner, judge.predictor());
         let config = meta.learner.clone();
         let mut store = Store::create(&directory.join(SESSION_FILE), meta, &initial)?;
         store.record_event("created", source)?;
@@ -107,11 +108,13 @@ impl Learner {
         let store = Store::resume(&directory.join(SESSION_FILE))?;
         store.expect_task(task)?;
         config.check_resumes(&store.meta().learner)?;
+        let judge = judge.keeping(&store.meta().measures);
         let (found, expected) = (judge.declared(), store.meta().measures.clone());
         if found != expected {
             return Err(LearnerError::Judge(JudgeError::OtherMeasures { found, expected }));
         }
-        let Replayed { problem, search, trials } = Replayed::of(&store, demonstrations, on_told)?;
+        let Replayed { problem, search, trials } =
+            Replayed::of(&store, demonstrations, judge.predictor(), on_told)?;
         let config = config.clone();
         let mut learner = Learner { config, problem, search, judge, store, trials, pending: None };
         if let Some(stored) = learner.store.pending_proposal()? {
@@ -179,8 +182,23 @@ impl Learner {
             is_mean: self.is_mean(proposal),
             measures,
         };
-        self.search.tell(&trial.trial())?;
+        self.tell(&trial)?;
         self.record(trial, &decimate(records), None)
+    }
+
+    /// Tells the search; says once which predictions it stopped to rely on.
+    fn tell(&mut self, trial: &TrialRecord) -> Result<(), TellError> {
+        let (targets, before) = (self.config.search.targets(), self.search.doubted());
+        self.search.tell(&trial.trial(targets))?;
+        for j in self.search.doubted().into_iter().filter(|j| !before.contains(j)) {
+            tracing::warn!(
+                "rollout {}: the prediction of {} is off by more than it helps; the search goes by \
+                 what was measured",
+                trial.rollout,
+                targets[j].measure
+            );
+        }
+        Ok(())
     }
 
     /// Makes a trial durable that the search knows, and what the search proposes after it.
@@ -231,7 +249,11 @@ impl Learner {
     /// What the search has found so far.
     pub fn mode_reports(&self) -> Result<Vec<ModeReport>, LearnerError> {
         let forbidden = self.store.forbidden()?;
-        Ok(assess(&self.search.modes(), &TrialRecord::told(&self.trials), &forbidden))
+        Ok(assess(
+            &self.search.modes(),
+            &TrialRecord::told(&self.trials, self.config.search.targets()),
+            &forbidden,
+        ))
     }
 
     /// All rollouts of the configuration are stored.

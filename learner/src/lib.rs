@@ -20,6 +20,7 @@ pub mod learner;
 pub mod modes;
 pub mod parameters;
 pub mod path;
+pub mod prediction;
 pub mod problem;
 pub mod replay;
 pub mod reward;
@@ -27,6 +28,7 @@ pub mod session;
 pub mod smoothing;
 pub mod store;
 pub mod summary;
+pub mod targets;
 pub mod trajectory;
 
 pub use config::LearnerConfig;

@@ -220,7 +220,7 @@ mod tests {
             let x = if rollout % 2 == 0 { 0.0 } else { 10.0 };
             let noise = DVector::from_fn(2, |_, _| 1.5 * standard_normal(&mut rng));
             let theta = DVector::from_vec(vec![x, 0.0]) + noise;
-            Trial { rollout, reward: reward(&theta), theta, success: false }
+            Trial { rollout, reward: reward(&theta), theta, success: false, measured: Vec::new() }
         });
         (modes, trials.collect())
     }

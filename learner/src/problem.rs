@@ -1,5 +1,7 @@
 //! What a session searches: θ ↔ policy, where the search starts and along which directions.
 
+use std::sync::Arc;
+
 use nalgebra::{DMatrix, DVector};
 use shm_types::policy::PolicyMsg;
 
@@ -9,6 +11,7 @@ use crate::error::LearnerError;
 use crate::exploration::{Column, ExplorationKind, directions};
 use crate::initial_policy::initial_policy;
 use crate::parameters::{ParameterMap, PolicyIds};
+use crate::prediction::Predictor;
 use search::{Search, Space};
 
 /// A configured search problem; the same for a session and for a study without one.
@@ -21,7 +24,7 @@ pub struct Problem {
 /// How θ becomes a policy.
 enum Encoding {
     /// Eq. (5): attractors and stiffnesses, scaled.
-    Springs(Box<ParameterMap>),
+    Springs(Arc<ParameterMap>),
     /// Sec. 4.2: θ is the action.
     Action,
 }
@@ -57,7 +60,19 @@ impl Problem {
             };
             spaces.push(space(&start, &map, config, demonstration)?);
         }
-        Ok(Problem { encoding: Encoding::Springs(Box::new(map)), spaces })
+        Ok(Problem { encoding: Encoding::Springs(Arc::new(map)), spaces })
+    }
+
+    /// The same problem, where the task can compute some of its measures.
+    pub fn with_prediction(self, config: &LearnerConfig, predictor: Option<Predictor>) -> Problem {
+        let (Some(predictor), Encoding::Springs(map)) = (predictor, &self.encoding) else {
+            return self;
+        };
+        let (targets, map) = (config.search.targets().to_vec(), Arc::clone(map));
+        let decode = move |theta: &DVector<f64>| map.decode(theta, PolicyIds::default());
+        let prediction = predictor.along(targets, decode);
+        let with = |space| Space { prediction: Some(prediction.clone()), ..space };
+        Problem { spaces: self.spaces.into_iter().map(with).collect(), ..self }
     }
 
     /// θ is where the search starts from one of the demonstrations, or from the action.

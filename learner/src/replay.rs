@@ -5,6 +5,7 @@ use nalgebra::DVector;
 use crate::config::LearnerConfig;
 use crate::demonstration::Demonstration;
 use crate::error::LearnerError;
+use crate::prediction::Predictor;
 use crate::problem::Problem;
 use crate::store::{Store, TrialRecord};
 use search::AskTell;
@@ -21,10 +22,12 @@ impl Replayed {
     pub fn of(
         store: &Store,
         demonstrations: &[Demonstration],
+        predictor: Option<Predictor>,
         on_told: &mut dyn FnMut(Told),
     ) -> Result<Replayed, LearnerError> {
         let config = &store.meta().learner;
-        let problem = Problem::around(&store.initial_policy()?, config, demonstrations)?;
+        let problem = Problem::around(&store.initial_policy()?, config, demonstrations)?
+            .with_prediction(config, predictor);
         let trials = store.trials()?;
         let search = replay(config, &problem, &trials, on_told)?;
         Ok(Replayed { problem, search, trials })
@@ -51,7 +54,7 @@ pub fn replay(
             return Err(LearnerError::NotReproduced { rollout });
         }
         if !trial.set_aside {
-            let told = search.tell(&trial.trial());
+            let told = search.tell(&trial.trial(config.search.targets()));
             told.map_err(|_| LearnerError::NotReproduced { rollout })?;
         }
         on_told(Told { trials: rollout as usize, of: trials.len() });
@@ -101,7 +104,7 @@ mod tests {
         for rollout in 1..=40 {
             let theta = search.ask(rollout).theta;
             let reward = (-theta.norm_squared()).exp();
-            let trial = Trial { rollout, theta, reward, success: false };
+            let trial = Trial { rollout, theta, reward, success: false, measured: Vec::new() };
             search.tell(&trial).unwrap();
             trials.push(record(trial));
         }

@@ -155,6 +155,26 @@ fn full_turn_is_caught_but_not_flipped() {
     assert_near(outcome.flip_angle_rad, 2.0 * PI - turned, toss.spin * DT_S);
 }
 
+/// To both sides, beyond half a turn, and seen from a pan that is not level.
+#[test]
+fn the_turn_is_not_wrapped_and_counts_from_the_pan() {
+    let pitch = 0.2;
+    for (spin, vx) in [(1.0, 0.05), (2.0, -0.05), (-1.0, 0.0), (-2.6, 0.08)] {
+        let toss = Toss { spin: spin * Toss::half_flip().spin, vx, ..Toss::half_flip() };
+        let mut tracker = OutcomeTracker::new(&OutcomeConfig::default());
+        for tick in 0..1500 {
+            let t_s = tick as f64 * DT_S;
+            let tilt = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), pitch);
+            let pan = if t_s > toss.release_s { tilt } else { UnitQuaternion::identity() };
+            let X_WP = Isometry3::from_parts(Toss::pan().translation, pan);
+            tracker.observe(t_s, &X_WP, &toss.object(t_s));
+        }
+        let (outcome, air_time) = (tracker.outcome(), toss.fall_time(0.1 - RESTING_HEIGHT));
+        assert_near(outcome.turn_rad, toss.spin * air_time - pitch, toss.spin.abs() * DT_S);
+        assert_near(outcome.forward_m, vx * air_time, 1e-4);
+    }
+}
+
 #[test]
 fn landing_beside_the_pan_is_no_catch() {
     let outcome = outcome(Toss { vx: 0.4, ..Toss::half_flip() });

@@ -77,6 +77,10 @@ impl AskTell {
         self.search.snapshot(rollout)
     }
 
+    pub fn doubted(&self) -> Vec<usize> {
+        self.search.doubted()
+    }
+
     pub fn modes(&self) -> Vec<Mode> {
         self.search.modes()
     }
@@ -93,7 +97,7 @@ mod tests {
     }
 
     fn trial(rollout: u64, reward: f64) -> Trial {
-        Trial { rollout, theta: DVector::zeros(2), reward, success: false }
+        Trial { rollout, theta: DVector::zeros(2), reward, success: false, measured: Vec::new() }
     }
 
     #[test]

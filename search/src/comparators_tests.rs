@@ -29,7 +29,8 @@ fn drive(
 ) -> Vec<Trial> {
     let trial = |rollout| {
         let Proposal { theta, .. } = search.ask(rollout);
-        let trial = Trial { rollout, reward: f(&theta), theta, success: false };
+        let trial =
+            Trial { rollout, reward: f(&theta), theta, success: false, measured: Vec::new() };
         search.tell(&trial);
         trial
     };
@@ -126,7 +127,13 @@ fn all_survive_equal_and_far_thetas() {
             for rollout in 1..=100 {
                 let theta = DVector::from_element(4, far);
                 let reward = rollout as f64;
-                search.tell(&Trial { rollout, theta, reward, success: false });
+                search.tell(&Trial {
+                    rollout,
+                    theta,
+                    reward,
+                    success: false,
+                    measured: Vec::new(),
+                });
             }
             assert!(search.ask(101).theta.iter().all(|x| x.is_finite()), "{method:?}, {far}");
             assert!(search.snapshot(101).std.min() > 0.0, "{method:?}, {far}");

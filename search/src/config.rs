@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::aim::{AimConfig, Target};
 use super::algorithm1::Algorithm1Config;
 use super::cem::CemConfig;
 use super::enac::EnacConfig;
@@ -22,6 +23,8 @@ use crate::range::{ConfigError, check};
 pub enum Method {
     /// PoWER with covariance adaptation, Eqs. (1) and (6).
     Power,
+    /// The most promising candidate, by what was measured of the others.
+    Aim,
     /// Random search around the start, or in the box.
     Random,
     /// Cross-entropy method.
@@ -50,6 +53,7 @@ pub struct SearchConfig {
     pub method: Method,
     pub reward_map: RewardMap,
     pub power: PowerConfig,
+    pub aim: AimConfig,
     pub random: RandomConfig,
     pub cem: CemConfig,
     pub pi2: Pi2Config,
@@ -68,6 +72,7 @@ impl Default for SearchConfig {
             method: Method::Power,
             reward_map: RewardMap::default(),
             power: PowerConfig::default(),
+            aim: AimConfig::default(),
             random: RandomConfig::default(),
             cem: CemConfig::default(),
             pi2: Pi2Config::default(),
@@ -87,6 +92,7 @@ impl SearchConfig {
     pub fn validate(&self) -> Result<(), ConfigError> {
         check("search.reward_map.", &self.reward_map.ranges())?;
         check("search.power.", &self.power.ranges())?;
+        self.aim.validate()?;
         check("search.random.", &self.random.ranges())?;
         check("search.cem.", &self.cem.ranges())?;
         check("search.pi2.", &self.pi2.ranges())?;
@@ -97,6 +103,14 @@ impl SearchConfig {
         check("search.regions.", &self.regions.ranges())?;
         check("search.algorithm1.", &self.algorithm1.ranges())?;
         check("search.tempered.", &self.tempered.ranges())?;
+        if self.method == Method::Aim {
+            self.aim.validate_in_use()?;
+        }
         Ok(())
+    }
+
+    /// What the search wants measured of every trial; nothing unless it learns from measures.
+    pub fn targets(&self) -> &[Target] {
+        if self.method == Method::Aim { &self.aim.targets } else { &[] }
     }
 }

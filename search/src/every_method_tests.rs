@@ -5,7 +5,8 @@ use nalgebra::{DMatrix, DVector};
 use super::power::Weights;
 use super::*;
 
-const METHODS: [Method; 11] = [
+const METHODS: [Method; 12] = [
+    Method::Aim,
     Method::Power,
     Method::Random,
     Method::Cem,
@@ -39,7 +40,8 @@ fn cost(theta: &DVector<f64>) -> f64 {
 fn drive(search: &mut dyn Search, n: u64, reward: impl Fn(&DVector<f64>) -> f64) -> Vec<Trial> {
     let trial = |rollout| {
         let Proposal { theta, .. } = search.ask(rollout);
-        let trial = Trial { rollout, reward: reward(&theta), theta, success: false };
+        let trial =
+            Trial { rollout, reward: reward(&theta), theta, success: false, measured: Vec::new() };
         search.check_reward(trial.reward).unwrap();
         search.tell(&trial);
         trial
@@ -93,7 +95,13 @@ fn keeps_to(
     for rollout in 1..=120 {
         let Proposal { theta, .. } = search.ask(rollout);
         assert!(bounds.contains(&theta), "{at}: trial {rollout} at {theta}");
-        search.tell(&Trial { rollout, reward: reward(&theta), theta, success: false });
+        search.tell(&Trial {
+            rollout,
+            reward: reward(&theta),
+            theta,
+            success: false,
+            measured: Vec::new(),
+        });
         let mean = search.mean();
         assert!(bounds.contains(mean), "{at}: mean {mean} after {rollout}");
         for Mode { mean, .. } in search.modes() {
@@ -108,7 +116,13 @@ fn a_method_takes_negative_rewards_or_says_how_to_map_them() {
         let name = format!("{method:?}").to_lowercase();
         let mut desk = AskTell::new(build(&config(method), 1, origin()));
         let theta = desk.ask(1).theta;
-        let told = desk.tell(&Trial { rollout: 1, reward: -0.25, theta, success: false });
+        let told = desk.tell(&Trial {
+            rollout: 1,
+            reward: -0.25,
+            theta,
+            success: false,
+            measured: Vec::new(),
+        });
         if !NOT_NEGATIVE.contains(&method) {
             assert_eq!(told, Ok(()), "{name}");
             continue;

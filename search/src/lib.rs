@@ -2,6 +2,7 @@
 
 #![forbid(unsafe_code)]
 
+pub mod aim;
 pub mod algorithm1;
 mod ask_tell;
 pub mod batch;
@@ -40,7 +41,7 @@ use nalgebra::{DMatrix, DVector};
 pub use ask_tell::{AskTell, TellError};
 pub use config::{Method, SearchConfig};
 pub use rewards::{RewardError, RewardMap};
-pub use space::{Bounds, BoundsError, Direction, DirectionsError, Known, Space};
+pub use space::{Bounds, BoundsError, Direction, DirectionsError, Known, Prediction, Space};
 
 use crate::trial::{Proposal, Trial};
 use batch::BatchSearch;
@@ -66,6 +67,11 @@ pub trait Search: Send {
 
     /// The distribution from which rollout `rollout` is drawn.
     fn snapshot(&self, rollout: u64) -> SearchSnapshot;
+
+    /// Which targets' predictions have been worse than none, by their place in the configuration.
+    fn doubted(&self) -> Vec<usize> {
+        Vec::new()
+    }
 
     /// The solutions found so far, at least one, those with the highest prior first. A search for
     /// one optimum has one: its mean, with the variance it draws from.
@@ -117,6 +123,7 @@ fn unmapped(config: &SearchConfig, seed: u64, space: Space) -> Box<dyn Search> {
     }
     match config.method {
         Method::Algorithm1 => Box::new(algorithm1::Algorithm1::new(config.algorithm1, seed, space)),
+        Method::Aim => Box::new(aim::Aim::new(config.aim.clone(), config.power, seed, space)),
         Method::Power => Box::new(power::Power::new(config.power, seed, space)),
         Method::Tempered => Box::new(tempered::Tempered::new(config.tempered, seed, space)),
         Method::Random => Box::new(random::Random::new(config.random, seed, space)),

@@ -101,7 +101,7 @@ mod tests {
     use super::*;
 
     fn trial(rollout: u64, theta: DVector<f64>, reward: f64) -> Trial {
-        Trial { rollout, theta, reward, success: false }
+        Trial { rollout, theta, reward, success: false, measured: Vec::new() }
     }
 
     #[test]

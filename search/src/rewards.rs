@@ -123,6 +123,10 @@ impl Search for Mapped {
         self.search.snapshot(rollout)
     }
 
+    fn doubted(&self) -> Vec<usize> {
+        self.search.doubted()
+    }
+
     fn modes(&self) -> Vec<Mode> {
         self.search.modes()
     }

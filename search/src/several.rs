@@ -4,6 +4,8 @@
 //! a hundred parameters a mixture fitted by EM cannot tell two ways apart from so few trials, while
 //! whoever demonstrates twice has told them apart already.
 
+use std::collections::BTreeSet;
+
 use nalgebra::DVector;
 
 use super::{Mode, RewardError, Search, SearchSnapshot};
@@ -72,6 +74,12 @@ impl Search for Several {
         self.searches[k].snapshot(own)
     }
 
+    /// By any of them.
+    fn doubted(&self) -> Vec<usize> {
+        let all: BTreeSet<usize> = self.searches.iter().flat_map(|s| s.doubted()).collect();
+        all.into_iter().collect()
+    }
+
     /// The modes of all; a search's prior is its share of the recent rewards.
     fn modes(&self) -> Vec<Mode> {
         let merits: Vec<f64> = (0..self.searches.len()).map(|k| self.merit(k)).collect();
@@ -106,7 +114,13 @@ mod tests {
         let mut search = build_all(&SearchConfig::default(), 1, starts.to_vec());
         for rollout in 1..=120 {
             let theta = search.ask(rollout).theta;
-            let trial = Trial { rollout, reward: reward(&theta), theta, success: false };
+            let trial = Trial {
+                rollout,
+                reward: reward(&theta),
+                theta,
+                success: false,
+                measured: Vec::new(),
+            };
             search.tell(&trial);
         }
         let modes = search.modes();

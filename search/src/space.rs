@@ -1,5 +1,8 @@
 //! What a search is told about its space before the first trial.
 
+use std::fmt;
+use std::sync::Arc;
+
 use nalgebra::{DMatrix, DVector};
 use thiserror::Error;
 
@@ -98,6 +101,7 @@ pub struct Space {
     /// What is known of the columns of L, one each; nothing where it is empty.
     pub directions: Vec<Direction>,
     pub known: Option<Known>,
+    pub prediction: Option<Prediction>,
 }
 
 /// What is known of one direction before the first trial.
@@ -138,6 +142,38 @@ impl Known {
     }
 }
 
+/// What will be measured of θ, as far as it can be computed without a trial: one value a target, `None`
+/// for a target of which nothing can be said. Deterministic, and cheap next to a trial.
+#[derive(Clone)]
+pub struct Prediction(Arc<Predict>);
+
+type Predict = dyn Fn(&DVector<f64>) -> Vec<Option<f64>> + Send + Sync;
+
+impl Prediction {
+    pub fn new(
+        of: impl Fn(&DVector<f64>) -> Vec<Option<f64>> + Send + Sync + 'static,
+    ) -> Prediction {
+        Prediction(Arc::new(of))
+    }
+
+    pub fn of(&self, theta: &DVector<f64>) -> Vec<Option<f64>> {
+        (self.0)(theta)
+    }
+}
+
+impl fmt::Debug for Prediction {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Prediction")
+    }
+}
+
+/// A function equals itself.
+impl PartialEq for Prediction {
+    fn eq(&self, other: &Prediction) -> bool {
+        Arc::ptr_eq(&self.0, &other.0)
+    }
+}
+
 impl Space {
     /// White noise around `theta_0`, no box.
     pub fn white(theta_0: DVector<f64>) -> Space {
@@ -163,7 +199,8 @@ impl Space {
     }
 
     fn new(theta_0: DVector<f64>, exploration: DMatrix<f64>) -> Space {
-        Space { theta_0, exploration, bounds: None, directions: Vec::new(), known: None }
+        let (bounds, directions, known, prediction) = (None, Vec::new(), None, None);
+        Space { theta_0, exploration, bounds, directions, known, prediction }
     }
 
     /// What is known of the direction `index`.

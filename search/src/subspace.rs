@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::{Mode, RewardError, Search, SearchSnapshot, Space};
+use super::{Mode, Prediction, RewardError, Search, SearchSnapshot, Space};
 use crate::trial::{Proposal, Trial};
 
 /// The search over e (k numbers from 0) that is a search over θ (D numbers) from outside.
@@ -23,7 +23,12 @@ impl Subspace {
         let k = space.exploration.ncols();
         let known = space.known.as_ref().map(|k| k.along(&space.theta_0, &space.exploration));
         let directions = space.directions.clone();
-        let inner = build(Space { directions, known, ..Space::white(DVector::zeros(k)) });
+        let prediction = space.prediction.clone().map(|prediction| {
+            let outer = space.clone();
+            Prediction::new(move |e| prediction.of(&place(&outer, e)))
+        });
+        let white = Space::white(DVector::zeros(k));
+        let inner = build(Space { directions, known, prediction, ..white });
         let normal = space.exploration.tr_mul(&space.exploration);
         let factor = normal.cholesky().expect("independent directions");
         let inverse = factor.solve(&space.exploration.transpose());
@@ -32,9 +37,8 @@ impl Subspace {
         subspace
     }
 
-    /// θ₀ + L e, within the box.
     fn theta(&self, e: &DVector<f64>) -> DVector<f64> {
-        self.space.inside(&self.space.theta_0 + &self.space.exploration * e)
+        place(&self.space, e)
     }
 
     /// L Σ Lᵀ.
@@ -42,6 +46,11 @@ impl Subspace {
         let l = &self.space.exploration;
         l * inner * l.transpose()
     }
+}
+
+/// θ₀ + L e, within the box.
+fn place(space: &Space, e: &DVector<f64>) -> DVector<f64> {
+    space.inside(&space.theta_0 + &space.exploration * e)
 }
 
 impl Search for Subspace {
@@ -56,7 +65,7 @@ impl Search for Subspace {
 
     fn tell(&mut self, trial: &Trial) {
         let e = &self.inverse * (&trial.theta - &self.space.theta_0);
-        self.inner.tell(&Trial { theta: e, ..*trial });
+        self.inner.tell(&Trial { theta: e, ..trial.clone() });
         self.mean = self.theta(self.inner.mean());
     }
 
@@ -70,6 +79,10 @@ impl Search for Subspace {
         let SearchSnapshot { mean, std, floor } = self.inner.snapshot(rollout);
         let variance = self.space.exploration.map(|x| x * x) * std.map(|s| s * s);
         SearchSnapshot { mean: self.theta(&mean), std: variance.map(f64::sqrt), floor }
+    }
+
+    fn doubted(&self) -> Vec<usize> {
+        self.inner.doubted()
     }
 
     fn modes(&self) -> Vec<Mode> {
@@ -128,7 +141,7 @@ mod tests {
         for rollout in 1..=150 {
             let theta = search.ask(rollout).theta;
             let reward = hill(&search, &theta);
-            search.tell(&Trial { rollout, theta, reward, success: false });
+            search.tell(&Trial { rollout, theta, reward, success: false, measured: Vec::new() });
         }
         let reached = hill(&search, search.mean());
         assert!(reached > 0.9, "r(mean) = {reached}");

@@ -17,4 +17,7 @@ pub struct Trial {
     pub reward: f64,
     /// The task's own verdict, where it has one: a search may prefer such trials.
     pub success: bool,
+    /// What was measured of the search's targets, in their order; `None` where a measure is missing in
+    /// this rollout. Empty where the search has no targets.
+    pub measured: Vec<Option<f64>>,
 }

@@ -31,6 +31,7 @@ pub fn trials(thetas: &[Vec<f64>], rewards: &[f64]) -> Vec<Trial> {
         theta: DVector::from_vec(theta.clone()),
         reward,
         success: false,
+        measured: Vec::new(),
     };
     thetas.iter().enumerate().zip(rewards).map(trial).collect()
 }

@@ -110,7 +110,8 @@ struct Again<'a> {
 
 impl Again<'_> {
     fn of<'a>(store: &'a Store, config: &Config) -> Result<Again<'a>> {
-        Ok(Again { store, execute: executor(config)?, judge: judging::judge(config)? })
+        let judge = judging::judge(config)?.keeping(&store.meta().measures);
+        Ok(Again { store, execute: executor(config)?, judge })
     }
 
     fn replay(&mut self, trial: &TrialRecord) -> Result<Replayed> {

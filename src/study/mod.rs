@@ -1,5 +1,6 @@
 //! `skillet study`: many seeds in this process, tables with intervals, the paper's figures.
 
+mod aim;
 mod cmaes;
 mod comparison;
 mod compliance;
@@ -87,6 +88,24 @@ pub const STUDIES: &[Study] = &[
         pancake::run_variants,
     ),
     table_of(
+        "aim",
+        "pancake flipping learnt from measures, with good and bad predictions and with none",
+        1,
+        aim::run_seed,
+    ),
+    table_of(
+        "aim-tasks",
+        "tasks without an arm that say what to aim at, learnt from measures",
+        1,
+        tasks::run_aim_seed,
+    ),
+    table_of(
+        "aim-arm-tasks",
+        "tasks with an arm that say what to aim at, learnt from measures",
+        1,
+        tasks::run_aim_arm_seed,
+    ),
+    table_of(
         "compliance",
         "which stiffnesses are learnt, and what they are worth: heavy pancakes, pushes",
         2,
@@ -130,7 +149,7 @@ pub const STUDIES: &[Study] = &[
     table_of(
         "cost",
         "what an update costs, by trials, components and parameters",
-        1,
+        2,
         cost::run_seed,
     ),
     table_of("tune", "the settings drawn for each method of the comparison", 2, tune::run_seed),

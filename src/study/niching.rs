@@ -34,7 +34,7 @@ fn run(problem: &Problem, seed: u64) -> Result<Vec<Vec<f64>>> {
     for rollout in 1..=problem.budget {
         let theta = search.ask(rollout).theta;
         let reward = (problem.f)(theta.as_slice()) - problem.lower;
-        search.tell(&Trial { rollout, theta, reward, success: false });
+        search.tell(&Trial { rollout, theta, reward, success: false, measured: Vec::new() });
     }
     Ok(search.modes().iter().map(|mode| mode.mean.as_slice().to_vec()).collect())
 }

@@ -26,32 +26,47 @@ pub fn trials<S: Search + ?Sized>(
 ) -> Vec<Trial> {
     let one = |rollout| {
         let execute = |theta: &DVector<f64>| Ok((false, reward(rollout, theta)));
-        let Ok(executed) = trial::<_, Infallible>(search, rollout, execute);
+        let Ok(executed) = trial::<_, _, Infallible>(search, rollout, execute);
         observe(search);
         executed.trial
     };
     (1..=n).map(one).collect()
 }
 
+/// What an executed θ came to.
+pub struct Came {
+    pub success: bool,
+    pub reward: f64,
+    /// Of the search's targets, where it has some.
+    pub measured: Vec<Option<f64>>,
+}
+
+impl From<(bool, f64)> for Came {
+    fn from((success, reward): (bool, f64)) -> Came {
+        Came { success, reward, measured: Vec::new() }
+    }
+}
+
 /// The same where rollouts succeed or not: `execute` says whether, and the reward.
-pub fn session<S: Search + ?Sized>(
+pub fn session<S: Search + ?Sized, C: Into<Came>>(
     search: &mut S,
     n: u64,
-    mut execute: impl FnMut(u64, &DVector<f64>) -> Result<(bool, f64)>,
+    mut execute: impl FnMut(u64, &DVector<f64>) -> Result<C>,
 ) -> Result<Vec<Executed>> {
     (1..=n).map(|rollout| trial(search, rollout, |theta| execute(rollout, theta))).collect()
 }
 
-fn trial<S: Search + ?Sized, E>(
+/// One of them.
+pub fn trial<S: Search + ?Sized, C: Into<Came>, E>(
     search: &mut S,
     rollout: u64,
-    execute: impl FnOnce(&DVector<f64>) -> Result<(bool, f64), E>,
+    execute: impl FnOnce(&DVector<f64>) -> Result<C, E>,
 ) -> Result<Executed, E> {
     let theta = search.ask(rollout).theta;
     // The first rollout is the start, which is nobody's mean yet.
     let is_mean = rollout > 1 && theta == *search.mean();
-    let (success, reward) = execute(&theta)?;
-    let trial = Trial { rollout, theta, reward, success };
+    let Came { success, reward, measured } = execute(&theta)?.into();
+    let trial = Trial { rollout, theta, reward, success, measured };
     search.tell(&trial);
     Ok(Executed { trial, is_mean })
 }

@@ -5,11 +5,13 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use anyhow::Result;
 use learner::problem::Problem;
+use learner::targets::measured;
+use search::Method;
 use search::trial::Trial;
 use shm_types::policy::PolicyMsg;
 
 use super::Sample;
-use super::runs::session;
+use super::runs::{Came, session};
 use crate::config::Config;
 use crate::tasks::executor::{Executor, executor};
 use crate::tasks::{self, Task};
@@ -21,22 +23,46 @@ const WAY: &str = "way";
 const LATE: usize = 10;
 
 pub fn run_seed(seed: u64) -> Result<Vec<Sample>> {
-    run(seed, |task| !task.has_arm())
+    run(seed, "", |task| !task.has_arm(), |_| true)
 }
 
 pub fn run_arm_seed(seed: u64) -> Result<Vec<Sample>> {
-    run(seed, Task::has_arm)
+    run(seed, "", Task::has_arm, |_| true)
 }
 
-fn run(seed: u64, is_asked: fn(&Task) -> bool) -> Result<Vec<Sample>> {
+pub fn run_aim_seed(seed: u64) -> Result<Vec<Sample>> {
+    run(seed, ", aim", |task| !task.has_arm(), aims)
+}
+
+/// The pancake has a study of its own.
+pub fn run_aim_arm_seed(seed: u64) -> Result<Vec<Sample>> {
+    run(seed, ", aim", |task| task.has_arm() && task.name != "pancake", aims)
+}
+
+/// Learns from measures, where the task says what to aim at.
+fn aims(config: &mut Config) -> bool {
+    config.learner.search.method = Method::Aim;
+    !config.learner.search.aim.targets.is_empty()
+}
+
+fn run(
+    seed: u64,
+    suffix: &str,
+    is_asked: fn(&Task) -> bool,
+    configure: fn(&mut Config) -> bool,
+) -> Result<Vec<Sample>> {
     let mut samples = Vec::new();
     for task in tasks::ALL.iter().filter(|task| is_asked(task)) {
         if let Some(success) = task.success {
             for options in variants(task) {
                 let name =
-                    options.values().fold(task.name.to_string(), |all, one| all + ", " + one);
+                    options.values().fold(task.name.to_string(), |all, one| all + ", " + one)
+                        + suffix;
                 let mut config = Config::of_options(task.name, options);
                 config.learner.seed = seed;
+                if !configure(&mut config) {
+                    continue;
+                }
                 let learnt = learn(&config, &mut *executor(&config)?)?;
                 samples.extend(summary(&name, success, &learnt.trials));
                 let ways = learnt.ways.map(|ways| Sample::mean(&name, "ways found", ways as f64));
@@ -80,7 +106,7 @@ fn learn(config: &Config, execute: &mut Executor) -> Result<Learnt> {
         if let Some(way) = measures.get(WAY).filter(|_| success) {
             ways.insert(way.to_bits());
         }
-        Ok((success, reward))
+        Ok(Came { success, reward, measured: measured(config.learner.search.targets(), &measures) })
     })?;
     let trials = trials.into_iter().map(|executed| executed.trial).collect();
     Ok(Learnt { trials, ways: knows_ways.then_some(ways.len()) })

@@ -7,6 +7,7 @@
 use nalgebra::Vector3;
 use physics::action::{ActionWorld, Measured};
 use search::Method;
+use search::aim::Target;
 use search::power::{Elites, PowerConfig, Weights};
 
 use super::{Task, World};
@@ -103,6 +104,16 @@ fn configure(config: &mut Config) {
         floor_min: 0.001,
         ..PowerConfig::default()
     };
+    // What was measured of the arrow, for a search that learns from it: the middle of the hit.
+    let target = |measure: &str| Target {
+        measure: measure.into(),
+        when: None,
+        min: -0.03,
+        max: 0.03,
+        scale: 0.3,
+    };
+    learner.search.aim.targets = vec![target("miss_right_m"), target("miss_up_m")];
+    learner.search.aim.std = 0.03;
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@ use learner::exploration::StiffnessKind;
 use physics::cup::outcome::OutcomeTracker;
 use physics::cup::{CupConfig, CupPlant, WAM7_CUP_POSTURE};
 use physics::referee::Referee;
+use search::aim::Target;
 use shm_types::measures::Measure;
 
 use super::camera::{Camera, Followed};
@@ -23,6 +24,7 @@ pub const TASK: Task = Task {
         urdf: include_str!("../../robots/wam7/wam7_cup.urdf"),
         demonstration: include_str!("../../demos/ball_in_a_cup.csv"),
         world,
+        predictor: None,
         solids,
     }),
     configure,
@@ -68,6 +70,19 @@ fn configure(config: &mut Config) {
     (power.floor_min, power.floor_decay, power.min_successes) = (0.02, 0.8, 2);
     (power.mean_every, power.candidates) = (0, 1);
     (power.success_rate, power.fewer_elites) = (0.0, false);
+    let target = |measure: &str, when: Option<&str>, [min, max]: [f64; 2], scale| Target {
+        measure: measure.into(),
+        when: when.map(String::from),
+        min,
+        max,
+        scale,
+    };
+    // What was measured of the ball, for a search that learns from it: over the rim, and down into it.
+    learner.search.aim.targets = vec![
+        target("apex_m", None, [0.02, 0.2], 0.1),
+        target("miss_forward_m", Some("crossed"), [-0.03, 0.03], 0.1),
+        target("miss_left_m", Some("crossed"), [-0.03, 0.03], 0.05),
+    ];
 }
 
 fn world(config: &Config) -> Result<ArmWorld> {
@@ -104,6 +119,8 @@ fn measures(tracker: &OutcomeTracker, clipped_share: f64) -> Vec<Measure<'static
         truth("crossed", outcome.crossed),
         number("crossing_time_s", "s", outcome.crossing_time_s),
         number("miss_m", "m", outcome.miss_m),
+        number("miss_forward_m", "m", outcome.miss_forward_m),
+        number("miss_left_m", "m", outcome.miss_left_m),
         number("apex_m", "m", outcome.apex_m),
         number("clipped_share", "1", clipped_share),
     ]

@@ -59,7 +59,7 @@ impl Config {
 
     /// Reads and checks `path`, or takes the defaults of the pancake.
     pub fn load(path: Option<&Path>) -> Result<Config> {
-        let Some(path) = path else { return Ok(Config::default()) };
+        let Some(path) = path else { return Ok(Config::of_task(&TaskConfig::default().name)) };
         let config = Config::read(path, Config::of_options)?;
         config.validate().with_context(|| path.display().to_string())?;
         Ok(config)

@@ -4,6 +4,7 @@
 
 use anyhow::{Context, Result, bail};
 use learner::judge::{Declared, Measurer, PlantMeasures};
+use learner::prediction::Predictor;
 use physics::action::ActionWorld;
 use physics::arm::{ArmModel, JointVector};
 use physics::plant::Plant;
@@ -63,6 +64,8 @@ pub struct ArmTask {
     pub urdf: &'static str,
     pub demonstration: &'static str,
     pub world: fn(&Config) -> Result<ArmWorld>,
+    /// What its measures will be, where a policy alone tells; for searches that learn from measures.
+    pub predictor: Option<fn(&Config) -> Result<Predictor>>,
     /// Tip and object, as 3-D viewers draw them.
     pub solids: fn(&Config) -> Solids,
 }
@@ -87,6 +90,14 @@ impl Task {
         match &self.world {
             World::Arm(arm) => Ok(arm),
             World::Action(_) => bail!("the task {} has no arm", self.name),
+        }
+    }
+
+    /// What can be computed of its measures before a rollout.
+    pub fn predictor(&self, config: &Config) -> Result<Option<Predictor>> {
+        match self.world {
+            World::Arm(arm) => arm.predictor.map(|of| of(config)).transpose(),
+            World::Action(_) => Ok(None),
         }
     }
 

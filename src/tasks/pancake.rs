@@ -1,11 +1,17 @@
 //! The paper's main task (Sec. 3.1): an arm tosses a pancake and catches it after a half flip.
 
 mod measurer;
+mod prediction;
+
+use std::f64::consts::PI;
 
 use anyhow::Result;
+use learner::prediction::Predictor;
+use physics::arm::kinematics;
 use physics::pancake::PancakePlant;
 use physics::pancake::outcome::OutcomeConfig;
 use physics::referee::{Referee, Toss};
+use search::aim::Target;
 
 use super::camera::Camera;
 use super::{ArmTask, ArmWorld, Task, World};
@@ -14,6 +20,7 @@ use crate::record::solids::{Solid, Solids};
 use crate::report::Pictures;
 use crate::setup;
 use measurer::measurer;
+use prediction::predict;
 
 const IRON: [f64; 4] = [0.20, 0.21, 0.24, 1.0];
 const DOUGH: [f64; 4] = [0.93, 0.72, 0.35, 1.0];
@@ -25,9 +32,10 @@ pub const TASK: Task = Task {
         urdf: include_str!("../../robots/wam7/wam7_pan.urdf"),
         demonstration: include_str!("../../demos/pancake.csv"),
         world,
+        predictor: Some(predictor),
         solids,
     }),
-    configure: |_| {},
+    configure,
     check: |_| Ok(()),
     has_target: false,
     options: &[],
@@ -35,6 +43,23 @@ pub const TASK: Task = Task {
     success: Some("caught flip"),
     pictures: |_| Pictures::Toss,
 };
+
+/// What was measured of a toss, for a search that learns from it: high enough to turn, not so high that it
+/// bounces out, upside down within what a pan in motion forgives, and over the pan.
+fn configure(config: &mut Config) {
+    let target = |measure: &str, when: Option<&str>, [min, max]: [f64; 2], scale| Target {
+        measure: measure.into(),
+        when: when.map(String::from),
+        min,
+        max,
+        scale,
+    };
+    config.learner.search.aim.targets = vec![
+        target("apex_m", None, [0.28, 0.65], 0.12),
+        target("turn_rad", Some("tossed"), [-PI - 0.8, -PI + 1.3], 1.0),
+        target("forward_m", Some("tossed"), [-0.09, 0.09], 0.1),
+    ];
+}
 
 fn world(config: &Config) -> Result<ArmWorld> {
     let model = setup::arm(config)?;
@@ -48,6 +73,14 @@ fn world(config: &Config) -> Result<ArmWorld> {
         model,
         q0,
     })
+}
+
+/// From the pan at rest in the arm's start posture.
+fn predictor(config: &Config) -> Result<Predictor> {
+    let tip = kinematics::tip_pose(&setup::arm(config)?, &config.plant.start_posture());
+    let (p, turn) = (tip.translation.vector, tip.rotation.scaled_axis());
+    let start = [p.x, p.y, p.z, turn.y, turn.x, turn.z];
+    Ok(Predictor::new(move |policy| predict(policy, start)))
 }
 
 fn solids(config: &Config) -> Solids {

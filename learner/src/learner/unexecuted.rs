@@ -59,7 +59,7 @@ impl Learner {
         let reward = rewards.fold(0.0, f64::min);
         let trial = TrialRecord { fault: FAULT_POLICY_REFUSED, reward, ..self.not_executed()? };
         let note = note("refused", trial.rollout, reason);
-        self.search.tell(&trial.trial())?;
+        self.tell(&trial)?;
         self.record(trial, &[], Some(&note))
     }
 

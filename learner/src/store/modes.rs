@@ -81,7 +81,7 @@ impl Store {
         if modes.is_empty() {
             return Ok(Vec::new());
         }
-        let told = TrialRecord::told(&self.trials()?);
+        let told = TrialRecord::told(&self.trials()?, self.meta().learner.search.targets());
         let forbidden = self.forbidden()?;
         let thetas = told.iter().map(|trial| &trial.theta).chain(&forbidden);
         let mut dims = modes.iter().map(|mode| &mode.mean).chain(thetas).map(|theta| theta.len());

@@ -7,7 +7,9 @@ use shm_types::measures::Measures;
 use shm_types::policy::PolicyMsg;
 
 use crate::path::{self, PathRow};
+use crate::targets::measured;
 use search::SearchSnapshot;
+use search::aim::Target;
 use search::trial::{Proposal, Trial};
 
 /// Where a policy comes from.
@@ -68,14 +70,17 @@ impl TrialRecord {
         counts.into_iter().chain(numbers.map(f64::to_bits)).collect()
     }
 
-    pub fn trial(&self) -> Trial {
+    /// What the search learns from, with what was measured of its `targets`.
+    pub fn trial(&self, targets: &[Target]) -> Trial {
         let (rollout, theta, reward) = (self.rollout, self.theta.clone(), self.reward);
-        Trial { rollout, theta, reward, success: self.success }
+        let measured = measured(targets, &self.measures);
+        Trial { rollout, theta, reward, success: self.success, measured }
     }
 
     /// Those of `records` that the search was told.
-    pub fn told(records: &[TrialRecord]) -> Vec<Trial> {
-        records.iter().filter(|record| !record.set_aside).map(TrialRecord::trial).collect()
+    pub fn told(records: &[TrialRecord], targets: &[Target]) -> Vec<Trial> {
+        let told = records.iter().filter(|record| !record.set_aside);
+        told.map(|record| record.trial(targets)).collect()
     }
 }
 

@@ -20,6 +20,10 @@ pub struct Outcome {
     /// How far from the middle of the rim it did so, m: what Kober and Peters reward. Without a
     /// crossing, how far the ball was from there when it was highest.
     pub miss_m: f64,
+    /// Where it did so, seen from the middle of the rim along the world's x and y axes, m; 0 without a
+    /// crossing.
+    pub miss_forward_m: f64,
+    pub miss_left_m: f64,
     /// Success: the ball lies in the cup at the end.
     pub caught: bool,
 }
@@ -41,6 +45,8 @@ impl OutcomeTracker {
             crossed: false,
             crossing_time_s: 0.0,
             miss_m: config.string_length + config.depth,
+            miss_forward_m: 0.0,
+            miss_left_m: 0.0,
             caught: false,
         };
         OutcomeTracker { config: *config, was_above: false, inside_since_s: None, outcome: nothing }
@@ -62,6 +68,7 @@ impl OutcomeTracker {
             outcome.crossed = true;
             outcome.crossing_time_s = t_s;
             outcome.miss_m = from_rim.xy().norm();
+            (outcome.miss_forward_m, outcome.miss_left_m) = (from_rim.x, from_rim.y);
         }
         self.was_above = is_above;
 

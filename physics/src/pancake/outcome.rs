@@ -19,6 +19,8 @@
 //! assert!(!tracker.outcome().tossed);
 //! ```
 
+use std::f64::consts::TAU;
+
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
 use crate::plant::ObjectState;
@@ -77,7 +79,7 @@ pub struct Outcome {
     pub release_pitch_rate: f64,
     /// X₃ᵐᵃˣ: highest rise of the pancake above its start, m. Defined without a toss as well.
     pub apex_m: f64,
-    /// When the pancake fell back to Δ_h, s. Zero unless tossed, as the next three.
+    /// When the pancake fell back to Δ_h, s. Zero unless tossed, as the next five.
     pub crossing_time_s: f64,
     /// arccos(V₀·V), the angle between the pancake's normals at the start and at the crossing, rad.
     pub flip_angle_rad: f64,
@@ -85,6 +87,11 @@ pub struct Outcome {
     pub distance_m: f64,
     /// The part of that distance within the pan's plane, m.
     pub lateral_m: f64,
+    /// How far the pancake's centre lies before the pan's along the world's x axis at the crossing, m.
+    pub forward_m: f64,
+    /// Turn about the world's y axis from the start to the crossing, not wrapped at π, minus the pan's
+    /// pitch there, rad: positive is nose down, and a half flip backwards is −π.
+    pub turn_rad: f64,
     /// Distance of the pancake's centre from the pan's axis at the end, m.
     pub final_lateral_m: f64,
     /// Angle between the normals of pancake and pan at the end, rad: π is upside down.
@@ -144,6 +151,8 @@ pub struct OutcomeTracker {
     flight: Option<Flight>,
     longest: Option<Flight>,
     last_contact_s: f64,
+    /// Turn about the world's y axis since the start, rad.
+    turn_rad: f64,
     /// The pancake has touched the pan again after the crossing.
     is_back: bool,
     toss: Toss,
@@ -160,6 +169,7 @@ impl OutcomeTracker {
             flight: None,
             longest: None,
             last_contact_s: f64::NEG_INFINITY,
+            turn_rad: 0.0,
             is_back: false,
             toss: Toss::new(&config.toss),
             outcome: Outcome::default(),
@@ -182,6 +192,7 @@ impl OutcomeTracker {
         self.outcome.apex_m = self.outcome.apex_m.max(now.p_WO.z - first.p_WO.z);
         self.outcome.final_lateral_m = offset_P.xy().norm();
         self.outcome.final_tilt_rad = angle_between(&normal_P, &Vector3::z());
+        self.turn_rad += self.last.map_or(0.0, |last| turn(&last.R_WO, &now.R_WO));
         self.track_flight(&now);
         self.track_crossing(&first, &now, X_WP, &offset_P);
         self.track_bounce(&now);
@@ -252,6 +263,8 @@ impl OutcomeTracker {
         self.outcome.flip_angle_rad = angle_between(&normal(&first.R_WO), &normal(&now.R_WO));
         self.outcome.distance_m = (now.p_WO - X_WP.translation.vector).norm();
         self.outcome.lateral_m = offset_P.xy().norm();
+        self.outcome.forward_m = now.p_WO.x - X_WP.translation.vector.x;
+        self.outcome.turn_rad = self.turn_rad - pitch(&X_WP.rotation);
     }
 
     fn track_bounce(&mut self, now: &Sample) {
@@ -274,6 +287,18 @@ impl OutcomeTracker {
 /// The pancake's normal in the world: its z axis.
 fn normal(R_WO: &UnitQuaternion<f64>) -> Vector3<f64> {
     R_WO * Vector3::z()
+}
+
+/// Direction of the normal in the world's x-z plane, rad: positive is nose down.
+fn pitch(R_W: &UnitQuaternion<f64>) -> f64 {
+    let n = normal(R_W);
+    n.x.atan2(n.z)
+}
+
+/// From one tick to the next, the shorter way round, rad.
+fn turn(from: &UnitQuaternion<f64>, to: &UnitQuaternion<f64>) -> f64 {
+    let turn = pitch(to) - pitch(from);
+    turn - TAU * (turn / TAU).round()
 }
 
 /// Angle between unit vectors in [0, π], accurate at both ends.

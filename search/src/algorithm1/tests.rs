@@ -83,7 +83,13 @@ fn replays_a_run_event_by_event() {
                 assert!((&theta - &expected).amax() <= 1e-9 * expected.amax(), "trial {n}");
             }
             let rollout = n as u64 + 1;
-            search.tell(&Trial { rollout, theta, reward: step.r, success: false });
+            search.tell(&Trial {
+                rollout,
+                theta,
+                reward: step.r,
+                success: false,
+                measured: Vec::new(),
+            });
             let event = search.last_event();
             assert_eq!((event.split, event.merged), (step.event & 1 != 0, step.event & 2 != 0));
             assert_eq!(search.mixture().components.len(), step.n_components, "trial {n}");
@@ -99,7 +105,13 @@ fn run(seed: u64, n: u64, reward: impl Fn(&DVector<f64>) -> f64) -> Algorithm1 {
     let mut search = Algorithm1::new(Algorithm1Config::default(), seed, Space::white(start));
     for rollout in 1..=n {
         let Proposal { theta, .. } = search.ask(rollout);
-        search.tell(&Trial { rollout, reward: reward(&theta), theta, success: false });
+        search.tell(&Trial {
+            rollout,
+            reward: reward(&theta),
+            theta,
+            success: false,
+            measured: Vec::new(),
+        });
     }
     search
 }
@@ -142,6 +154,12 @@ fn keeps_within_the_box() {
     for rollout in 1..=100 {
         let Proposal { theta, .. } = search.ask(rollout);
         assert!(bounds.as_ref().unwrap().contains(&theta), "{theta}");
-        search.tell(&Trial { rollout, reward: theta.sum(), theta, success: false });
+        search.tell(&Trial {
+            rollout,
+            reward: theta.sum(),
+            theta,
+            success: false,
+            measured: Vec::new(),
+        });
     }
 }

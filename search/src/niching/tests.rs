@@ -11,7 +11,8 @@ fn square() -> Space {
 fn drive(search: &mut Niching, n: u64, f: impl Fn(&DVector<f64>) -> f64) -> Vec<Trial> {
     let trial = |rollout| {
         let Proposal { theta, .. } = search.ask(rollout);
-        let trial = Trial { rollout, reward: f(&theta), theta, success: false };
+        let trial =
+            Trial { rollout, reward: f(&theta), theta, success: false, measured: Vec::new() };
         search.tell(&trial);
         trial
     };
@@ -68,7 +69,7 @@ fn climbs_no_hill_twice() {
         n_climbing += u32::from(matches!(search.stage, Stage::Climb));
         let Proposal { theta, .. } = search.ask(rollout);
         let reward = hill(&theta);
-        search.tell(&Trial { rollout, theta, reward, success: false });
+        search.tell(&Trial { rollout, theta, reward, success: false, measured: Vec::new() });
     }
     assert_eq!(n_climbing, 0);
     assert!(search.n_starts > started + 200);
@@ -154,7 +155,7 @@ fn drive_four(search: &mut Niching, n: u64) -> Vec<Trial> {
     let trial = |rollout| {
         let theta = search.ask(rollout).theta;
         let (reward, success) = four(&theta);
-        let trial = Trial { rollout, theta, reward, success };
+        let trial = Trial { rollout, theta, reward, success, measured: Vec::new() };
         search.tell(&trial);
         trial
     };
@@ -185,6 +186,7 @@ fn a_climb_ends_at_its_first_success_or_when_it_gets_no_better() {
         theta: DVector::from_element(2, reward),
         reward,
         success,
+        measured: Vec::new(),
     };
     let config = ClimbConfig { patience: 3, until_success: true, ..default_climb() };
     let mut climb = Climb::new(config, trial(0.1, false), 0.1);

@@ -83,7 +83,7 @@ fn run(config: PowerConfig, seed: u64, n: u64, reward: impl Fn(&DVector<f64>) ->
     for rollout in 1..=n {
         let Proposal { theta, .. } = search.ask(rollout);
         let reward = reward(&theta);
-        search.tell(&Trial { rollout, theta, reward, success: false });
+        search.tell(&Trial { rollout, theta, reward, success: false, measured: Vec::new() });
     }
     search
 }
@@ -96,7 +96,7 @@ fn sampler_has_the_covariance_of_eq_6() {
     let old_mean = search.mean().clone();
     let Proposal { theta, .. } = search.ask(30);
     let reward = hill(&theta);
-    search.tell(&Trial { rollout: 30, theta, reward, success: false });
+    search.tell(&Trial { rollout: 30, theta, reward, success: false, measured: Vec::new() });
 
     let factors = search.factors.as_ref().unwrap();
     let mut f = DMatrix::zeros(12, factors.len() + 12);
@@ -217,7 +217,13 @@ fn climbs_the_hill() {
 
 /// θ = `theta` in one dimension.
 fn tell(search: &mut Power, rollout: u64, theta: f64, reward: f64, success: bool) {
-    search.tell(&Trial { rollout, theta: DVector::from_element(1, theta), reward, success });
+    search.tell(&Trial {
+        rollout,
+        theta: DVector::from_element(1, theta),
+        reward,
+        success,
+        measured: Vec::new(),
+    });
 }
 
 fn two_phases() -> PowerConfig {
@@ -305,7 +311,7 @@ fn the_scatter_of_weighted_elites_is_unbiased() {
                 let theta = DVector::from_vec(vec![5.0 + 2.0 * z[0], z[0] - 0.5 * z[1]]);
                 // The order of the rewards, and with it the weights, has nothing to do with θ.
                 let reward = rollout as f64;
-                search.tell(&Trial { rollout, theta, reward, success: true });
+                search.tell(&Trial { rollout, theta, reward, success: true, measured: Vec::new() });
             }
             let SearchSnapshot { std, floor, .. } = search.snapshot(0);
             sum += std.map(|std| std * std - floor * floor);
@@ -336,7 +342,7 @@ fn executes(search: &mut Power, rollouts: std::ops::RangeInclusive<u64>, success
         let theta = search.ask(rollout).theta;
         // More of the first parameter pays.
         let reward = 1.0 + theta[0].tanh();
-        search.tell(&Trial { rollout, theta, reward, success });
+        search.tell(&Trial { rollout, theta, reward, success, measured: Vec::new() });
     }
 }
 
@@ -356,7 +362,13 @@ fn what_grows_is_tried_forwards_first() {
     let mut less = staged(config);
     for rollout in 1..=4 {
         let theta = less.ask(rollout).theta;
-        less.tell(&Trial { rollout, reward: 2.0 - theta[0].tanh(), theta, success: false });
+        less.tell(&Trial {
+            rollout,
+            reward: 2.0 - theta[0].tanh(),
+            theta,
+            success: false,
+            measured: Vec::new(),
+        });
     }
     assert!(!first(&less, 1.0), "forwards pays less");
     let mut good = staged(config);

@@ -20,7 +20,13 @@ fn run(
         assert_eq!(search.ask(rollout).theta, theta);
         assert!(search.bounds.contains(&theta), "{theta}");
         let u = search.bounds.fractions(&theta);
-        trials.push(Trial { rollout, theta, reward: reward(u[0], u[1]), success: false });
+        trials.push(Trial {
+            rollout,
+            theta,
+            reward: reward(u[0], u[1]),
+            success: false,
+            measured: Vec::new(),
+        });
         search.tell(trials.last().unwrap());
     }
     (search, trials)
@@ -109,7 +115,7 @@ fn told_trials_may_be_anything() {
         for rollout in 1..=120 {
             let reward = [1e-300, 1e300, 1.0, 0.0][rollout as usize % 4];
             let theta = DVector::from_column_slice(&theta);
-            search.tell(&Trial { rollout, theta, reward, success: false });
+            search.tell(&Trial { rollout, theta, reward, success: false, measured: Vec::new() });
             let asked = search.ask(rollout + 1).theta;
             assert!(search.bounds.contains(&asked), "{asked}");
         }

@@ -25,7 +25,7 @@ fn run_on(
     for rollout in 1..=n {
         let Proposal { theta, .. } = search.ask(rollout);
         let reward = reward(rollout, &theta);
-        told.push(Trial { rollout, theta, reward, success: false });
+        told.push(Trial { rollout, theta, reward, success: false, measured: Vec::new() });
         search.tell(&told[told.len() - 1]);
     }
     (search, told)
@@ -109,7 +109,13 @@ fn stays_sound_on_equal_and_far_trials() {
         let mut search = Tempered::new(config, 1, space());
         for rollout in 1..=30 {
             let theta = DVector::from_element(2, place);
-            search.tell(&Trial { rollout, theta, reward: 1.0, success: false });
+            search.tell(&Trial {
+                rollout,
+                theta,
+                reward: 1.0,
+                success: false,
+                measured: Vec::new(),
+            });
         }
         assert_sound(&search);
     }
@@ -157,7 +163,7 @@ fn density_of_all_draws_counts_each_of_them() {
         samplers.push(search.sampler.clone());
         let Proposal { theta, .. } = search.ask(rollout);
         let reward = two_hills(&theta);
-        search.tell(&Trial { rollout, theta, reward, success: false });
+        search.tell(&Trial { rollout, theta, reward, success: false, measured: Vec::new() });
     }
     for trial in &search.trials {
         let theta = DMatrix::from_columns(std::slice::from_ref(&trial.theta));

@@ -15,7 +15,8 @@ fn hill(theta: &DVector<f64>) -> f64 {
 fn drive(search: &mut Cma, n: u64, f: impl Fn(&DVector<f64>) -> f64) -> Vec<Trial> {
     let trial = |rollout| {
         let Proposal { theta, .. } = search.ask(rollout);
-        let trial = Trial { rollout, reward: f(&theta), theta, success: false };
+        let trial =
+            Trial { rollout, reward: f(&theta), theta, success: false, measured: Vec::new() };
         search.tell(&trial);
         trial
     };

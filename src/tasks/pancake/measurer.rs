@@ -27,6 +27,8 @@ fn measures(tracker: &OutcomeTracker, clipped_share: f64) -> Vec<Measure<'static
         number("flip_angle_rad", "rad", outcome.flip_angle_rad),
         number("distance_m", "m", outcome.distance_m),
         number("lateral_m", "m", outcome.lateral_m),
+        number("forward_m", "m", outcome.forward_m),
+        number("turn_rad", "rad", outcome.turn_rad),
         number("final_lateral_m", "m", outcome.final_lateral_m),
         number("bounce_s", "s", outcome.bounce_s),
         number("clipped_share", "1", clipped_share),

@@ -1,0 +1,275 @@
+//! Learning from measures: what was measured says what was wrong, where a reward says how good it was.
+//!
+//! Every target is a measure and the window it is to lie in. Gaussian processes ([`estimate`]) expect of a
+//! policy what will be measured of it, from what was measured so far and, where the task can compute one,
+//! from a prediction. Rollout 1 is θ₀; every other one executes, of a set of candidates, the one that most
+//! likely succeeds: all measures in their windows, and more of its neighbours succeeded than failed.
+//!
+//! After so many successes PoWER may take over, for what no target speaks of.
+
+mod config;
+mod estimate;
+mod process;
+mod window;
+
+use nalgebra::DVector;
+
+pub use config::{AimConfig, Target, Then};
+use estimate::{Estimate, Place};
+use window::log_within;
+
+use super::normals::{standard_normal, stream};
+use super::power::{Elites, Power, PowerConfig};
+use super::{RewardError, Search, SearchSnapshot, Space, rewards};
+use crate::trial::{Proposal, Trial};
+
+/// Standard deviation of what the window's edges leave out, in its widths: a measure near an edge is
+/// neither a success for sure nor a failure.
+const EDGE: f64 = 1.0 / 6.0;
+/// What it costs to go far from the start, per squared unit.
+const RIDGE: f64 = 0.02;
+/// Trials that the measures are worth against those that succeeded or failed nearby.
+const PRIOR: f64 = 0.3;
+/// How near that is, in units of `std`.
+const NEAR: f64 = 0.4;
+/// Part of the measures' say that no success outweighs.
+const SHARE: f64 = 0.3;
+
+/// The best candidates get neighbours: at first in rounds, then a few a rollout, and rarely once the search
+/// succeeds.
+const BEST: usize = 4;
+const ROUNDS: usize = 3;
+const A_ROUND: usize = 32;
+const ROUND_STD: f64 = 0.4;
+const A_ROLLOUT: usize = 8;
+/// Candidates that need no prediction cost next to nothing.
+const ROUNDS_WITHOUT_PREDICTION: usize = 8;
+const ROLLOUT_STD: f64 = 0.25;
+const ENOUGH_SUCCESSES: u64 = 6;
+const SELDOM: u64 = 5;
+
+/// A place that may be executed next.
+struct Candidate {
+    /// θ = θ₀ + std·e
+    e: DVector<f64>,
+    predicted: Vec<Option<f64>>,
+    places: Vec<Place>,
+    /// How many trials are near, and how many successes, by a kernel.
+    tried: f64,
+    succeeded: f64,
+    score: f64,
+}
+
+impl Candidate {
+    fn meet(&mut self, e: &DVector<f64>, success: bool) {
+        let k = (-0.5 * (&self.e - e).norm_squared() / NEAR.powi(2)).exp();
+        self.tried += k;
+        self.succeeded += if success { k } else { 0.0 };
+    }
+}
+
+/// The search.
+pub struct Aim {
+    config: AimConfig,
+    seed: u64,
+    space: Space,
+    estimates: Vec<Estimate>,
+    /// Best first; none before the first trial.
+    candidates: Vec<Candidate>,
+    /// e and success of every trial.
+    told: Vec<(DVector<f64>, bool)>,
+    n_successes: u64,
+    last: u64,
+    mean: DVector<f64>,
+    power: Option<Power>,
+}
+
+impl Aim {
+    /// `power` shapes the search that may follow.
+    pub fn new(config: AimConfig, power: PowerConfig, seed: u64, space: Space) -> Aim {
+        let estimates = config.targets.iter().map(|t| Estimate::new(t, config.length)).collect();
+        let floor_std = config.std * config.floor_std;
+        let then = PowerConfig {
+            elites: Elites::Successes,
+            min_successes: config.successes as usize,
+            n_initial: 0,
+            floor_std,
+            floor_min: power.floor_min.min(floor_std),
+            ..power
+        };
+        let follows = config.then == Then::Power;
+        let power = follows.then(|| Power::new(then, seed, space.clone()));
+        let mean = space.inside(space.theta_0.clone());
+        let (candidates, told) = (Vec::new(), Vec::new());
+        let (n_successes, last) = (0, 0);
+        Aim { config, seed, space, estimates, candidates, told, n_successes, last, mean, power }
+    }
+
+    /// PoWER, once it has taken over.
+    fn successor(&self) -> Option<&Power> {
+        self.power.as_ref().filter(|_| self.n_successes >= self.config.successes)
+    }
+
+    fn theta(&self, e: &DVector<f64>) -> DVector<f64> {
+        self.space.inside(&self.space.theta_0 + e * self.config.std)
+    }
+
+    /// e ~ 𝒩(0, I), only forwards along directions that grow, and not at all along late ones.
+    fn draw(&self, z: impl FnMut() -> f64) -> DVector<f64> {
+        let mut e = self.noise(z);
+        (0..e.len()).filter(|i| self.space.direction(*i).grows).for_each(|i| e[i] = e[i].abs());
+        e
+    }
+
+    fn noise(&self, mut z: impl FnMut() -> f64) -> DVector<f64> {
+        DVector::from_fn(self.space.dim(), |i, _| {
+            let z = z();
+            if self.space.direction(i).late { 0.0 } else { z }
+        })
+    }
+
+    fn predicted(&self, theta: &DVector<f64>) -> Vec<Option<f64>> {
+        let predicted = self.space.prediction.as_ref().filter(|_| self.config.predict);
+        let values = predicted.map_or_else(Vec::new, |prediction| prediction.of(theta));
+        let value = |j| values.get(j).copied().flatten().filter(|value: &f64| value.is_finite());
+        (0..self.estimates.len()).map(value).collect()
+    }
+
+    fn add(&mut self, e: DVector<f64>) {
+        let theta = self.theta(&e);
+        // What is executed is in the box.
+        let e = (&theta - &self.space.theta_0) / self.config.std;
+        let predicted = self.predicted(&theta);
+        let places = vec![Place::default(); self.estimates.len()];
+        let mut candidate =
+            Candidate { e, predicted, places, tried: 0.0, succeeded: 0.0, score: 0.0 };
+        self.told.iter().for_each(|(e, success)| candidate.meet(e, *success));
+        self.candidates.push(candidate);
+    }
+
+    /// Adds `n` neighbours of the best candidates.
+    fn refine(&mut self, n: usize, std: f64, mut z: impl FnMut() -> f64) {
+        for i in 0..n {
+            let best = self.candidates[i % BEST.min(self.candidates.len())].e.clone();
+            self.add(best + self.noise(&mut z) * std);
+        }
+        self.rank();
+    }
+
+    /// u(e) = Σⱼ ln P(measure j in its window) − ridge |e|²; with the trials nearby as counts and u as
+    /// their prior, p = (a eᵘ + Σ kᵢ okᵢ)/(a + Σ kᵢ); the score is ln p + share·u.
+    fn rank(&mut self) {
+        for candidate in &mut self.candidates {
+            let Candidate { e, predicted, places, tried, succeeded, .. } = candidate;
+            let mut u = -RIDGE * e.norm_squared();
+            for (j, target) in self.config.targets.iter().enumerate() {
+                let expected = self.estimates[j].at(e, predicted[j], &mut places[j]);
+                let deviation = (expected.variance + (EDGE * target.width()).powi(2)).sqrt();
+                let z = |edge: f64| (edge - expected.mean) / deviation;
+                u += log_within(z(target.min), z(target.max));
+            }
+            let p = (PRIOR * u.exp() + *succeeded) / (PRIOR + *tried);
+            candidate.score = p.max(f64::MIN_POSITIVE).ln() + SHARE * u.max(f64::MIN);
+        }
+        // A stable sort: of equals the one that was drawn first.
+        self.candidates.sort_by(|a, b| b.score.total_cmp(&a.score));
+        self.candidates.truncate(self.config.candidates + ROUNDS * A_ROUND);
+    }
+}
+
+impl Search for Aim {
+    /// The best candidate; rollouts that are asked for ahead of what was told get the next ones.
+    fn ask(&self, rollout: u64) -> Proposal {
+        if let Some(power) = self.successor() {
+            return power.ask(rollout);
+        }
+        let ahead = rollout.saturating_sub(self.last + 1) as usize;
+        let theta = match self.candidates.len() {
+            _ if rollout == 1 => self.space.inside(self.space.theta_0.clone()),
+            0 => {
+                let mut rng = stream(self.seed, rollout);
+                self.theta(&self.draw(|| standard_normal(&mut rng)))
+            }
+            n => self.theta(&self.candidates[ahead.min(n - 1)].e),
+        };
+        Proposal { rollout, theta }
+    }
+
+    fn check_reward(&self, reward: f64) -> Result<(), RewardError> {
+        self.power.as_ref().map_or_else(|| rewards::finite(reward), |p| p.check_reward(reward))
+    }
+
+    fn tell(&mut self, trial: &Trial) {
+        let e = (&trial.theta - &self.space.theta_0) / self.config.std;
+        let predicted = self.predicted(&trial.theta);
+        for (j, estimate) in self.estimates.iter_mut().enumerate() {
+            let measured = trial.measured.get(j).copied().flatten();
+            if let Some(value) = measured.filter(|value| value.is_finite()) {
+                estimate.observe(&e, predicted[j], value);
+            }
+        }
+        self.candidates.iter_mut().for_each(|candidate| candidate.meet(&e, trial.success));
+        self.told.push((e, trial.success));
+        self.n_successes += u64::from(trial.success);
+        self.last = self.last.max(trial.rollout);
+        if let Some(power) = &mut self.power {
+            power.tell(trial);
+        }
+        if self.successor().is_none() {
+            self.look();
+        }
+        self.mean = match self.successor() {
+            Some(power) => power.mean().clone(),
+            None => self.theta(&self.candidates[0].e),
+        };
+    }
+
+    fn mean(&self) -> &DVector<f64> {
+        &self.mean
+    }
+
+    fn snapshot(&self, rollout: u64) -> SearchSnapshot {
+        if let Some(power) = self.successor() {
+            return power.snapshot(rollout);
+        }
+        let std = self.config.std * ROLLOUT_STD;
+        let (mean, dim) = (self.mean.clone(), self.mean.len());
+        SearchSnapshot { mean, std: DVector::repeat(dim, std), floor: std }
+    }
+
+    fn doubted(&self) -> Vec<usize> {
+        let doubted = self.estimates.iter().map(Estimate::was_doubted);
+        doubted.enumerate().filter(|(_, doubted)| *doubted).map(|(j, _)| j).collect()
+    }
+}
+
+impl Aim {
+    fn rounds(&self) -> usize {
+        let predicts = self.config.predict && self.space.prediction.is_some();
+        if predicts { 1 } else { ROUNDS_WITHOUT_PREDICTION }
+    }
+
+    /// Draws candidates and ranks them all, after a trial.
+    fn look(&mut self) {
+        let n_told = self.told.len() as u64;
+        let mut rng = stream(self.seed, n_told + 1);
+        let mut z = || standard_normal(&mut rng);
+        if self.candidates.is_empty() {
+            self.add(DVector::zeros(self.space.dim()));
+            for _ in 0..self.config.candidates {
+                let e = self.draw(&mut z);
+                self.add(e);
+            }
+            self.rank();
+            (0..ROUNDS).for_each(|_| self.refine(A_ROUND, ROUND_STD, &mut z));
+        } else if self.n_successes < ENOUGH_SUCCESSES || n_told.is_multiple_of(SELDOM) {
+            self.rank();
+            (0..self.rounds()).for_each(|_| self.refine(A_ROLLOUT, ROLLOUT_STD, &mut z));
+        } else {
+            self.rank();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

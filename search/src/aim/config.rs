@@ -1,0 +1,121 @@
+//! Settings of the search: its targets, and how far it looks.
+
+use serde::{Deserialize, Serialize};
+
+use crate::range::{ConfigError, Range, check, range};
+
+/// A measure and the window it is to lie in.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Target {
+    /// Name of the measure, which the search itself does not know.
+    pub measure: String,
+    /// A truth value without which there is no such measure, as `tossed`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub when: Option<String>,
+    /// The window, in the unit of the measure.
+    pub min: f64,
+    pub max: f64,
+    /// How much the measure changes with one unit of exploration, about, in its unit.
+    pub scale: f64,
+}
+
+impl Target {
+    pub(super) fn width(&self) -> f64 {
+        self.max - self.min
+    }
+}
+
+/// What follows the first successes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Then {
+    /// More of the same.
+    #[default]
+    Aim,
+    /// PoWER among the successes, for what no target speaks of.
+    Power,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct AimConfig {
+    /// Whether the task's prediction of its measures is used, where it has one.
+    pub predict: bool,
+    /// Policies drawn around the start, of which the most promising one is executed, in scaled units.
+    pub candidates: usize,
+    pub std: f64,
+    /// Length over which what was measured says something local, in units of `std`.
+    pub length: f64,
+    pub then: Then,
+    /// Successes after which `then` begins, and PoWER's floor from there on.
+    pub successes: u64,
+    pub floor_std: f64,
+    pub targets: Vec<Target>,
+}
+
+impl Default for AimConfig {
+    fn default() -> Self {
+        AimConfig {
+            predict: true,
+            candidates: 192,
+            std: 1.0,
+            length: 1.5,
+            then: Then::Aim,
+            successes: 4,
+            floor_std: 0.25,
+            targets: Vec::new(),
+        }
+    }
+}
+
+impl AimConfig {
+    /// Settings and their ranges.
+    fn ranges(&self) -> Vec<Range> {
+        vec![
+            range("candidates", self.candidates as f64, 1.0, 1e4),
+            range("std", self.std, 1e-6, 100.0),
+            range("length", self.length, 0.01, 100.0),
+            range("successes", self.successes as f64, 1.0, 1e4),
+            range("floor_std", self.floor_std, 0.0, 100.0),
+        ]
+    }
+
+    /// Every field within its range, every window open.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        check("search.aim.", &self.ranges())?;
+        for (i, target) in self.targets.iter().enumerate() {
+            let field = |name: &str| format!("search.aim.targets[{i}].{name}");
+            let name = &target.measure;
+            if !(target.min.is_finite() && target.max.is_finite() && target.min < target.max) {
+                return Err(ConfigError::Range {
+                    field: field("min"),
+                    value: target.min.to_string(),
+                    allowed: format!("finite numbers, for {name} a min below max = {}", target.max),
+                });
+            }
+            if !(target.scale.is_finite() && target.scale > 0.0) {
+                return Err(ConfigError::Range {
+                    field: field("scale"),
+                    value: target.scale.to_string(),
+                    allowed: format!("about what {name} changes with one unit of exploration, > 0"),
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// The same of a search that is to run: there is something to aim at.
+    pub fn validate_in_use(&self) -> Result<(), ConfigError> {
+        if self.targets.is_empty() {
+            return Err(ConfigError::Range {
+                field: "search.aim.targets".into(),
+                value: "empty".into(),
+                allowed: "one target or more, as \
+                          [{ measure = \"apex_m\", min = 0.3, max = 0.6, scale = 0.1 }]"
+                    .into(),
+            });
+        }
+        Ok(())
+    }
+}
