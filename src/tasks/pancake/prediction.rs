@@ -134,8 +134,8 @@ mod tests {
     use crate::tasks::executor::executor;
     use crate::{judging, setup};
 
-    /// Both demonstrations, as the arm executes them and as they are foretold. Measured: the apex within
-    /// 4 cm.
+    /// The demonstration and a higher one, as the arm executes them and as they are foretold: the apex within
+    /// several centimetres.
     #[test]
     fn foretells_what_the_arm_comes_to() {
         let config = Config::of_task("pancake");
@@ -151,7 +151,6 @@ mod tests {
             let (header, records) = execute(&policy).unwrap();
             let (measures, ..) = judge.judge(&policy, &header, &records).unwrap();
             let predicted = judge.predictor().unwrap().of(&policy);
-            println!("{predicted:?} {:?}", measures.iter().collect::<Vec<_>>());
             let (name, apex_m) = predicted[0];
             assert!((apex_m - measures.get(name).unwrap()).abs() < 0.08, "{apex_m}");
         }
