@@ -10,6 +10,7 @@ pub mod action;
 pub mod activation;
 pub mod compliance;
 pub mod config;
+pub mod damping;
 pub mod demonstration;
 mod error;
 pub mod exploration;

@@ -220,7 +220,13 @@ pub struct Bench {
 }
 
 impl Bench {
-    pub fn new(config: Config, wrong_mass: bool) -> Result<Bench> {
+    pub fn new(mut config: Config, wrong_mass: bool) -> Result<Bench> {
+        if wrong_mass {
+            // With less the wrist would sag so far under what the model does not know of that no rollout
+            // begins.
+            (config.controller.posture_stiffness, config.controller.posture_damping) =
+                (400.0, 40.0);
+        }
         let (arm, world) = (setup::arm(&config)?, config.plant.world(config.controller.period_s()));
         let model = if wrong_mass { light_pan(&config)? } else { setup::arm(&config)? };
         let judge = judging::judge(&config)?;

@@ -2,8 +2,10 @@
 //! ballistics. It knows no arm, no pancake and no contact.
 
 use learner::activation::policy_activations;
+use learner::damping::dampers;
 use learner::prediction::Predicted;
 use learner::trajectory::Pose;
+use nalgebra::DMatrix;
 use shm_types::TASK_DIM;
 use shm_types::policy::PolicyMsg;
 
@@ -36,19 +38,19 @@ pub fn predict(policy: &PolicyMsg, start: Pose) -> Predicted {
     toss(&motion(policy, start))
 }
 
-/// Eq. (5): ẍ = Σᵢ hᵢ Kᵢ(μᵢ − x) − κᵛẋ, integrated from rest (semi-implicit Euler); coordinates from
+/// Eq. (5): ẍ = Σᵢ hᵢ [Kᵢ(μᵢ − x) − Dᵢẋ], integrated from rest (semi-implicit Euler); coordinates from
 /// `task_dim` on with the orientation gains. One state per ms.
 ///
 /// The activations are those of the middle of every 10 ms: they change over a tenth of a second.
 fn motion(policy: &PolicyMsg, start: Pose) -> Vec<State> {
-    let d = policy.task_dim as usize;
+    let dampers = dampers(policy);
     let intervals = ((policy.duration_s + BEYOND_S) / INTERVAL_S).ceil() as usize;
     let mut states = Vec::with_capacity(intervals * STEPS + 1);
     let mut now = State { x: start, xd: [0.0; TASK_DIM] };
     states.push(now);
     for interval in 0..intervals {
         let t_s = (interval as f64 + 0.5) * INTERVAL_S;
-        let springs = Springs::at(policy, d, t_s.min(policy.duration_s));
+        let springs = Springs::at(policy, &dampers, t_s.min(policy.duration_s));
         for _ in 0..STEPS {
             for (c, xdd) in springs.acceleration(&now).into_iter().enumerate() {
                 now.xd[c] += STEP_S * xdd;
@@ -60,31 +62,32 @@ fn motion(policy: &PolicyMsg, start: Pose) -> Vec<State> {
     states
 }
 
-/// All components together: K = Σᵢ hᵢ Kᵢ and Σᵢ hᵢ Kᵢ μᵢ.
+/// All components together: K = Σᵢ hᵢ Kᵢ, Σᵢ hᵢ Kᵢ μᵢ and D = Σᵢ hᵢ Dᵢ.
 struct Springs {
     stiffness: [Pose; TASK_DIM],
     pull: Pose,
-    damping: Pose,
+    damping: [Pose; TASK_DIM],
 }
 
 impl Springs {
-    fn at(policy: &PolicyMsg, d: usize, t_s: f64) -> Springs {
-        let is_learnt = |c: usize| c < d;
-        let damping = std::array::from_fn(|c| {
-            if is_learnt(c) { policy.damping } else { policy.orientation_damping }
-        });
-        let mut springs =
-            Springs { stiffness: [[0.0; TASK_DIM]; TASK_DIM], pull: [0.0; TASK_DIM], damping };
-        for (h, component) in policy_activations(policy, t_s).iter().zip(policy.components()) {
+    fn at(policy: &PolicyMsg, dampers: &[DMatrix<f64>], t_s: f64) -> Springs {
+        let is_learnt = |c: usize| c < policy.task_dim as usize;
+        let (stiffness, damping) = ([[0.0; TASK_DIM]; TASK_DIM], [[0.0; TASK_DIM]; TASK_DIM]);
+        let mut springs = Springs { stiffness, pull: [0.0; TASK_DIM], damping };
+        let h = policy_activations(policy, t_s);
+        for ((h, component), damper) in h.iter().zip(policy.components()).zip(dampers) {
             for row in 0..TASK_DIM {
                 for col in 0..TASK_DIM {
-                    let stiffness = match (is_learnt(row), is_learnt(col)) {
-                        (true, true) => component.stiffness_at(row, col),
-                        (false, false) if row == col => policy.orientation_stiffness,
+                    let (k, damping) = match (is_learnt(row), is_learnt(col)) {
+                        (true, true) => (component.stiffness_at(row, col), damper[(row, col)]),
+                        (false, false) if row == col => {
+                            (policy.orientation_stiffness, policy.orientation_damping)
+                        }
                         _ => continue,
                     };
-                    springs.stiffness[row][col] += h * stiffness;
-                    springs.pull[row] += h * stiffness * component.attractor[col];
+                    springs.stiffness[row][col] += h * k;
+                    springs.pull[row] += h * k * component.attractor[col];
+                    springs.damping[row][col] += h * damping;
                 }
             }
         }
@@ -93,8 +96,10 @@ impl Springs {
 
     fn acceleration(&self, now: &State) -> Pose {
         std::array::from_fn(|row| {
-            let held: f64 = self.stiffness[row].iter().zip(&now.x).map(|(k, x)| k * x).sum();
-            self.pull[row] - held - self.damping[row] * now.xd[row]
+            let times = |matrix: &[Pose; TASK_DIM], vector: &Pose| -> f64 {
+                matrix[row].iter().zip(vector).map(|(m, v)| m * v).sum()
+            };
+            self.pull[row] - times(&self.stiffness, &now.x) - times(&self.damping, &now.xd)
         })
     }
 }
