@@ -117,7 +117,7 @@ impl Default for ExplorationConfig {
             tempo_s: 0.1,
             rotation_lag_s: 0.05,
             grows: true,
-            stiffness: StiffnessKind::Phases,
+            stiffness: StiffnessKind::Full,
             position_log_stiffness: 0.4,
             rotation_log_stiffness: 0.4,
             before_log_stiffness: 0.4,

@@ -50,6 +50,7 @@ fn reason(error: &AdmissionError) -> &'static str {
             },
         },
         AdmissionError::Stiffness { .. } => "stiffness eigenvalue",
+        AdmissionError::Damper { .. } => "damper too strong",
         AdmissionError::Attractor { .. } => "attractor too far",
         AdmissionError::Duration { .. } => "too long for an episode",
         AdmissionError::Actions { .. } => "actions for an arm",
@@ -185,7 +186,15 @@ fn no_policy_passes_a_bound_or_makes_a_torque_that_does() {
     // The test is worth something only if every door was tried, and the open one often.
     assert!(accepted * 10 > sent, "{accepted} accepted");
     assert!(driver.held * 10 < driver.ticks * 9, "{} of {} held", driver.held, driver.ticks);
-    for door in ["digest", "schema", "stiffness eigenvalue", "attractor too far", "damping"] {
+    for door in [
+        "digest",
+        "schema",
+        "stiffness eigenvalue",
+        "attractor too far",
+        "damping",
+        "damping_ratio",
+        "damper too strong",
+    ] {
         assert!(verdicts.contains_key(door), "nothing was refused for its {door}: {verdicts:?}");
     }
 }

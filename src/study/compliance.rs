@@ -37,7 +37,7 @@ const THROW_S: f64 = 0.2;
 /// Height among the coordinates of a policy.
 const Z: usize = 2;
 
-const DEFAULT: &str = "phases";
+const DEFAULT: &str = "full";
 
 /// What may be learnt of the stiffness.
 struct Kind {
@@ -50,9 +50,14 @@ const KINDS: [Kind; 7] = [
     Kind { name: "fixed", config: |c| c.exploration.stiffness = StiffnessKind::Fixed },
     Kind { name: "uniform", config: |c| c.exploration.stiffness = StiffnessKind::Uniform },
     Kind { name: "components", config: |c| c.exploration.stiffness = StiffnessKind::Components },
-    Kind { name: DEFAULT, config: |c| c.exploration.stiffness = StiffnessKind::Phases },
-    Kind { name: "full", config: |c| c.exploration.stiffness = StiffnessKind::Full },
-    Kind { name: "phases, own dampers", config: |c| c.damping_ratio = 1.0 },
+    Kind { name: "phases", config: |c| c.exploration.stiffness = StiffnessKind::Phases },
+    Kind { name: DEFAULT, config: |c| c.exploration.stiffness = StiffnessKind::Full },
+    Kind {
+        name: "phases, own dampers",
+        config: |c| {
+            (c.exploration.stiffness, c.damping_ratio) = (StiffnessKind::Phases, 1.0);
+        },
+    },
 ];
 
 pub fn run_seed(seed: u64) -> Result<Vec<Sample>> {

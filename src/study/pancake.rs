@@ -225,7 +225,7 @@ impl Bench {
             // With less the wrist would sag so far under what the model does not know of that no rollout
             // begins.
             (config.controller.posture_stiffness, config.controller.posture_damping) =
-                (400.0, 40.0);
+                (4000.0, 126.0);
         }
         let (arm, world) = (setup::arm(&config)?, config.plant.world(config.controller.period_s()));
         let model = if wrong_mass { light_pan(&config)? } else { setup::arm(&config)? };

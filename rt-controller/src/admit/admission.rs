@@ -14,6 +14,8 @@ use crate::hot::policy::Policy;
 /// ω = √K = 224 rad/s at the upper bound.
 pub const STIFFNESS_MIN: f64 = 1e-3;
 pub const STIFFNESS_MAX: f64 = 5e4;
+/// Strongest damper of a spring, s⁻¹: what a policy's κᵛ may be too.
+const DAMPER_MAX: f64 = 1e3;
 
 /// Why a policy was not admitted.
 #[derive(Debug, Error, PartialEq)]
@@ -24,6 +26,10 @@ pub enum AdmissionError {
         "component {component}: stiffness has the eigenvalue {eigenvalue:.3e} s⁻²: it must lie within {STIFFNESS_MIN:e}..={STIFFNESS_MAX:e}, so that the spring attracts and can be sampled"
     )]
     Stiffness { component: usize, eigenvalue: f64 },
+    #[error(
+        "component {component}: with damping_ratio = {ratio} its damper is {damper:.3e} s⁻¹: at most {DAMPER_MAX:e} can be sampled; lower the ratio or the stiffness"
+    )]
+    Damper { component: usize, ratio: f64, damper: f64 },
     #[error(
         "component {component}: attractor ({x:.2}, {y:.2}, {z:.2}) m is {distance:.2} m from the shoulder; attractors farther than {limit:.2} m are refused"
     )]
@@ -79,6 +85,11 @@ pub fn admit(
         for &eigenvalue in K.symmetric_eigenvalues().iter() {
             if !(STIFFNESS_MIN..=STIFFNESS_MAX).contains(&eigenvalue) {
                 return Err(AdmissionError::Stiffness { component: i, eigenvalue });
+            }
+            let (ratio, damper) =
+                (message.damping_ratio, 2.0 * message.damping_ratio * eigenvalue.sqrt());
+            if damper > DAMPER_MAX {
+                return Err(AdmissionError::Damper { component: i, ratio, damper });
             }
         }
         let [x, y, z, ..] = component.attractor;

@@ -46,16 +46,24 @@ pub fn violation(policy: &PolicyMsg, arm: &Arm, slack: f64) -> Option<String> {
     must(policy.decay_rate >= if policy.activation == 1 { 1e-3 } else { 0.0 }, "slowest decay");
     must(policy.decay_rate <= 1e3, "fastest decay");
     must(policy.damping >= 0.0 && policy.damping <= 1e3, "damping");
+    let ratio = policy.damping_ratio;
+    must((0.0..=10.0).contains(&ratio), "damping ratio");
     let (k, d) = (policy.orientation_stiffness, policy.orientation_damping);
     must((0.0..=1e5).contains(&k) && (0.0..=1e3).contains(&d), "orientation gains");
     if broken.is_some() {
         return broken;
     }
     let used = &policy.components[..policy.n_components as usize];
-    used.iter().find_map(|one| of_component(one, policy.task_dim as usize, arm, slack))
+    used.iter().find_map(|one| of_component(one, policy.task_dim as usize, ratio, arm, slack))
 }
 
-fn of_component(component: &Component, d: usize, arm: &Arm, slack: f64) -> Option<String> {
+fn of_component(
+    component: &Component,
+    d: usize,
+    ratio: f64,
+    arm: &Arm,
+    slack: f64,
+) -> Option<String> {
     let within = |x: f64, min: f64, max: f64| x.is_finite() && x >= min && x <= max;
     let Component { center, width, attractor, stiffness } = component;
     if !within(*center, -30.0, 60.0) || !within(*width, 1e-4, 30.0) {
@@ -72,8 +80,8 @@ fn of_component(component: &Component, d: usize, arm: &Arm, slack: f64) -> Optio
     if distance > arm.farthest_m * (1.0 + slack) {
         return Some(format!("attractor {distance} m from the shoulder"));
     }
-    // λ within [1e-3, 5e4]: both K − λ_min·1 and λ_max·1 − K are positive definite.
-    let (min, max) = (1e-3 - slack, 5e4 * (1.0 + slack));
+    // λ within [1e-3, 5e4], and 2ζ√λ at most 1e3: both K − λ_min·1 and λ_max·1 − K are positive definite.
+    let (min, max) = (1e-3 - slack, 5e4_f64.min((500.0 / ratio).powi(2)) * (1.0 + slack));
     let above = |r, c| component.stiffness_at(r, c) - if r == c { min } else { 0.0 };
     let below = |r, c| if r == c { max } else { 0.0 } - component.stiffness_at(r, c);
     match (is_positive(d, above), is_positive(d, below)) {

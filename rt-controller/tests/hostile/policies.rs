@@ -75,6 +75,8 @@ fn at_the_bounds(rng: &mut ChaCha8Rng, arm: &Arm) -> PolicyMsg {
         duration_s: between(0.05, arm.longest_s, rng),
         decay_rate: between(if decays { 1e-3 } else { 0.0 }, 1e3, rng),
         damping: between(0.0, 1e3, rng),
+        // The stiffest springs bear a ratio of 2.2.
+        damping_ratio: if rng.random_bool(0.2) { between(0.0, 10.0, rng) } else { 0.0 },
         orientation_stiffness: between(0.0, 1e5, rng),
         orientation_damping: between(0.0, 1e3, rng),
         ..PolicyMsg::EMPTY
