@@ -13,12 +13,12 @@ const PAYS_LESS: f64 = -0.5;
 const ENOUGH: usize = 4;
 
 /// Elites that are left at least.
-pub(super) const FEWEST: usize = 2;
+const FEWEST: usize = 2;
 
 /// Of the noise with each success, until it is as wide as Eq. (6) says.
-pub(super) const GROWTH: f64 = 1.02;
+const GROWTH: f64 = 1.02;
 /// Where a world's own chances make draws fail, less noise helps nobody.
-pub(super) const NARROWEST: f64 = 0.2;
+const NARROWEST: f64 = 0.2;
 
 impl Power {
     /// Of the phase of successes every so-and-so-many rollouts.
@@ -114,3 +114,6 @@ fn correlation(pairs: &[(f64, f64)]) -> f64 {
     let spread = (mean(&|pair| (pair.0 - a).powi(2)) * mean(&|pair| (pair.1 - b).powi(2))).sqrt();
     if spread > 0.0 { covariance / spread } else { 0.0 }
 }
+
+#[cfg(test)]
+mod tests;
