@@ -85,12 +85,12 @@ pub enum SessionError {
     NotExecuted { rollout: u64, attempts: u32, reason: String },
     #[error(
         "{rollouts} rollouts in a row, up to {last}, gave no usable episode: {reason}; everything \
-         is saved, mend the controller and resume"
+         is saved, fix the controller and resume"
     )]
     Unusable { rollouts: u32, last: u64, reason: String },
     #[error(
         "{rollouts} rollouts in a row, up to {last}, were executed but not judged; the last one: \
-         {reason}; everything is saved; mend the judge and start another session, or see \
+         {reason}; everything is saved; fix the judge and start another session, or see \
          `skillet judge --again`"
     )]
     NoneJudged { rollouts: u64, last: u64, reason: String },

@@ -120,7 +120,7 @@ fn progress(store: &Store) -> Result<(u64, u64), StoreError> {
     Ok((store.trial_count()?, super::rows::integer(proposals)))
 }
 
-/// Anything but what a person has to mend first.
+/// Anything but what a person has to put right first.
 fn may_be_damage(error: &StoreError) -> bool {
     !matches!(
         error,

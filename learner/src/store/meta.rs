@@ -13,7 +13,7 @@ use crate::judge::Declared;
 #[derive(Clone, Debug, PartialEq)]
 pub struct SessionMeta {
     pub task: String,
-    /// Names the session in every message; chosen by whoever starts it.
+    /// Names the session in every message; chosen when it is started.
     pub session_id: u64,
     /// The effective configuration file, for people.
     pub config_toml: String,

@@ -42,7 +42,7 @@ pub struct Store {
     connection: Connection,
     path: PathBuf,
     meta: SessionMeta,
-    /// Of a session that is gone on with.
+    /// Of a session that goes on.
     copy: Option<SecondCopy>,
 }
 

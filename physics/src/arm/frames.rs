@@ -7,7 +7,7 @@ use super::{JointVector, MAX_JOINTS};
 
 /// Rotation R_WB and origin p_WB of every body at one q.
 ///
-/// Whoever needs several quantities at the same q evaluates the frames once and hands them to the
+/// Where several quantities are needed at the same q, the frames are evaluated once and handed to the
 /// functions that end in `at`; the results are the same to the last bit.
 #[derive(Debug, Clone, Copy)]
 pub struct BodyFrames {
