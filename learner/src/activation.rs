@@ -1,5 +1,6 @@
 //! Normalised Gaussian activations hᵢ of Eqs. (2) and (5).
 
+use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 use shm_types::policy::{ACTIVATION_DECAY, ACTIVATION_TIME, PolicyMsg};
 
@@ -55,11 +56,12 @@ pub fn policy_activations(policy: &PolicyMsg, t_s: f64) -> Vec<f64> {
     activations(&centers_widths, activation.drive(t_s, policy.decay_rate))
 }
 
-/// Σ hᵢ(t) Kᵢ, entry (c, c), of a validated policy at `t_s` (s), s⁻².
-pub fn stiffness(policy: &PolicyMsg, c: usize, t_s: f64) -> f64 {
-    let h = policy_activations(policy, t_s);
-    let entries = policy.components().iter().map(|component| component.stiffness_at(c, c));
-    h.iter().zip(entries).map(|(h, k)| h * k).sum()
+/// Σ hᵢ(t) Kᵢ of a validated policy at `t_s` (s), of the learnt coordinates: d×d, s⁻².
+pub fn stiffness(policy: &PolicyMsg, t_s: f64) -> DMatrix<f64> {
+    let (h, d) = (policy_activations(policy, t_s), policy.task_dim as usize);
+    h.iter().zip(policy.components()).fold(DMatrix::zeros(d, d), |sum, (h, component)| {
+        sum + DMatrix::from_fn(d, d, |row, column| h * component.stiffness_at(row, column))
+    })
 }
 
 /// Means of the hᵢ of a validated policy over its movement, at the middles of [`N_SAMPLES`] equal parts.

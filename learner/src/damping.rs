@@ -1,20 +1,19 @@
 //! What damps the springs of a policy.
 
 use nalgebra::{DMatrix, SymmetricEigen};
-use shm_types::policy::PolicyMsg;
+use shm_types::policy::{Component, PolicyMsg};
+
+use crate::parameters::spectral;
 
 /// Dampers of the learnt coordinates of a validated policy, one a spring (d×d, s⁻¹): 2ζ Kᵢ^½ with the
 /// symmetric root, or κᵛ I where the policy has no damping ratio.
 pub fn dampers(policy: &PolicyMsg) -> Vec<DMatrix<f64>> {
     let d = policy.task_dim as usize;
-    let damper = |component: &shm_types::policy::Component| match policy.damping_ratio {
+    let damper = |component: &Component| match policy.damping_ratio {
         0.0 => DMatrix::from_diagonal_element(d, d, policy.damping),
         ratio => {
             let k = DMatrix::from_fn(d, d, |row, col| component.stiffness_at(row, col));
-            let eigen = SymmetricEigen::new(k);
-            let roots = eigen.eigenvalues.map(|value| value.max(0.0).sqrt());
-            let axes = &eigen.eigenvectors;
-            axes * DMatrix::from_diagonal(&roots) * axes.transpose() * (2.0 * ratio)
+            spectral(&SymmetricEigen::new(k), |value| value.max(0.0).sqrt()) * (2.0 * ratio)
         }
     };
     policy.components().iter().map(damper).collect()

@@ -51,8 +51,9 @@ impl Default for InitialPolicyConfig {
 ///
 /// y(t) = x + (ẍ + κᵛẋ)/κᴾ ≈ Σᵢ hᵢ(t) μᵢ,  Kᵢ = κᴾ I,  κᵛ = 2√κᴾ,
 ///
-/// with 2ζ√κᴾ for κᵛ where dampers follow the stiffness, μ by least squares over all samples. Coordinates from `task_dim` on are fitted in the same way
-/// with the gains of the orientation controller that follows them. The message is sealed, without
+/// with 2ζ√κᴾ for κᵛ where dampers follow the stiffness, μ by least squares over all samples. Coordinates
+/// from `task_dim` on are fitted in the same way with the gains of the orientation controller that follows
+/// them. The message is sealed, without
 /// session and rollout. Source: the paper refers to its reference 36 for the method.
 pub fn initial_policy(demonstration: &Demonstration, config: &InitialPolicyConfig) -> PolicyMsg {
     assert!((1..=MAX_COMPONENTS).contains(&config.n_components), "validate the configuration");

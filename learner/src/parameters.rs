@@ -235,7 +235,10 @@ pub const fn packed_len(d: usize) -> usize {
 }
 
 /// f(A) = V f(Λ) Vᵀ for a symmetric A = V Λ Vᵀ.
-fn spectral(eigen: &SymmetricEigen<f64, nalgebra::Dyn>, f: impl Fn(f64) -> f64) -> DMatrix<f64> {
+pub(crate) fn spectral(
+    eigen: &SymmetricEigen<f64, nalgebra::Dyn>,
+    f: impl Fn(f64) -> f64,
+) -> DMatrix<f64> {
     let values = eigen.eigenvalues.map(f);
     &eigen.eigenvectors * DMatrix::from_diagonal(&values) * eigen.eigenvectors.transpose()
 }

@@ -63,8 +63,11 @@ mod tests {
     use super::*;
 
     fn target(measure: &str, when: Option<&str>) -> Target {
-        let (measure, when) = (measure.to_string(), when.map(String::from));
-        Target { measure, when, min: 0.0, max: 1.0, scale: 0.1 }
+        let target = Target::new(measure, [0.0, 1.0], 0.1);
+        match when {
+            Some(name) => target.when(name),
+            None => target,
+        }
     }
 
     fn measures(tossed: bool) -> Measures {

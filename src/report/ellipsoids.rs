@@ -1,6 +1,6 @@
 //! Stiffness along the learnt path: ellipses of Σ hᵢ(t) Kᵢ in the side plane, where the pan was.
 
-use learner::activation::policy_activations;
+use learner::activation;
 use learner::path::PathRow;
 use nalgebra::{Matrix2, Vector2};
 use shm_types::policy::PolicyMsg;
@@ -45,11 +45,8 @@ pub fn figure(data: &ReportData) -> Figure {
 
 /// The x–z block of Σ hᵢ(t) Kᵢ, s⁻².
 pub fn stiffness(policy: &PolicyMsg, t_s: f64) -> Matrix2<f64> {
-    let h = policy_activations(policy, t_s);
-    h.iter().zip(policy.components()).fold(Matrix2::zeros(), |sum, (h, component)| {
-        let k = |row, column| component.stiffness_at(row, column);
-        sum + *h * Matrix2::new(k(X, X), k(X, Z), k(Z, X), k(Z, Z))
-    })
+    let k = activation::stiffness(policy, t_s);
+    Matrix2::new(k[(X, X)], k[(X, Z)], k[(Z, X)], k[(Z, Z)])
 }
 
 /// Where the pan was in the side plane, m.

@@ -57,7 +57,7 @@ fn profile(policy: &PolicyMsg, c: usize) -> Vec<(f64, f64)> {
     if policy.components().is_empty() {
         return Vec::new();
     }
-    times(policy).map(|t_s| (t_s, stiffness(policy, c, t_s))).collect()
+    times(policy).map(|t_s| (t_s, stiffness(policy, t_s)[(c, c)])).collect()
 }
 
 /// [`SAMPLES`] times over the execution of `policy`.

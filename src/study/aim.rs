@@ -8,13 +8,10 @@ use anyhow::Result;
 use learner::Demonstration;
 use learner::prediction::{Predicted, Predictor};
 use learner::problem::Problem;
-use learner::targets::measured;
-use nalgebra::DVector;
-use physics::pancake::{PancakeConfig, PancakePlant};
+use physics::pancake::PancakeConfig;
 use search::Method;
 use search::aim::Then;
 use search::normals::{standard_normal, stream};
-use shm_types::episode::EpisodeHeader;
 
 use super::Sample;
 use super::pancake::{Answer, Bench, JUDGING, LEARNING};
@@ -140,7 +137,7 @@ fn learn(
     let mut executed = Vec::new();
     for rollout in 1..=config.rollouts {
         let one = trial(&mut *search, rollout, |theta| -> Result<Came> {
-            let came = execute(bench, &problem, theta, &world(rollout))?;
+            let came = bench.rollout(&problem, theta, &world(rollout))?;
             Ok(if case.is_slow { noisy(came, seed, rollout) } else { came })
         })?;
         let is_enough = one.trial.success && !case.whole;
@@ -151,21 +148,6 @@ fn learn(
     }
     let mean = search.mean().clone();
     Ok((executed, (problem, mean)))
-}
-
-fn execute(
-    bench: &Bench,
-    problem: &Problem,
-    theta: &DVector<f64>,
-    world: &PancakeConfig,
-) -> Result<Came> {
-    let q0 = bench.config.plant.start_posture();
-    let mut plant = PancakePlant::new(&bench.arm, &q0, world);
-    let (policy, header) = (bench.policy(problem, theta), EpisodeHeader::default());
-    let records = bench.records(problem, theta, &mut plant)?;
-    let (measures, success, reward) = bench.judge.judge(&policy, &header, &records)?;
-    let measured = measured(bench.config.learner.search.targets(), &measures);
-    Ok(Came { success, reward, measured })
 }
 
 /// With every speed times [`SLOW`] heights, and how far one turns and flies, are this squared.

@@ -85,7 +85,7 @@ pub fn run_varying_seed(seed: u64) -> Result<Vec<Sample>> {
         let (executed, (problem, theta)) =
             learn_by(&bench, |problem, n, theta| rollout(problem, theta, LEARNING + n))?;
         samples.extend(summary(kind.name, &executed));
-        let robust = share(|n| Ok(rollout(&problem, &theta, JUDGING + n)?.0))?;
+        let robust = share(|n| Ok(rollout(&problem, &theta, JUDGING + n)?.success))?;
         samples.push(Sample::mean(kind.name, "robustness in such worlds", robust));
     }
     Ok(samples)
@@ -114,7 +114,7 @@ impl Learnt {
 fn curve(policy: &PolicyMsg, c: usize) -> Curve {
     const N: usize = 140;
     let times = (0..=N).map(|k| policy.duration_s * k as f64 / N as f64);
-    times.map(|t_s| (t_s, stiffness(policy, c, t_s))).collect()
+    times.map(|t_s| (t_s, stiffness(policy, t_s)[(c, c)])).collect()
 }
 
 /// The default's answers, one a seed.
@@ -240,7 +240,7 @@ fn ticks_of(records: &[TickRecord], bench: &Bench) -> usize {
 fn mean_k_zz(policy: &PolicyMsg, from_s: f64, to_s: f64) -> f64 {
     const N: usize = 50;
     let at = |part: usize| {
-        stiffness(policy, Z, from_s + (to_s - from_s) * (part as f64 + 0.5) / N as f64)
+        stiffness(policy, from_s + (to_s - from_s) * (part as f64 + 0.5) / N as f64)[(Z, Z)]
     };
     (0..N).map(at).sum::<f64>() / N as f64
 }

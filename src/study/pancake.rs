@@ -9,6 +9,7 @@ use learner::judge::Judge;
 use learner::problem::Problem;
 use learner::reward::RewardKind;
 use learner::summary::LATE_TRIALS;
+use learner::targets::measured;
 use nalgebra::DVector;
 use physics::arm::ArmModel;
 use physics::pancake::{PancakeConfig, PancakePlant};
@@ -16,17 +17,17 @@ use physics::plant::Plant;
 use physics::referee::{Referee, Toss, TossConfig};
 use rand::RngExt;
 use rt_controller::run::Controlled;
-use rt_controller::simulate::simulate;
 use search::Search;
 use search::normals::stream;
 use search::power::{Elites, PowerConfig, Scatter, Weights};
-use shm_types::episode::{EpisodeHeader, MAX_RECORDS, TickRecord};
+use shm_types::episode::{EpisodeHeader, TickRecord};
 use shm_types::policy::PolicyMsg;
 
 use super::Sample;
-use super::runs::{Executed, session};
+use super::runs::{Came, Executed, session};
 use crate::config::Config;
 use crate::config::plant::DynamicsKind;
+use crate::tasks::executor::episode;
 use crate::{judging, setup};
 
 /// Perturbed rollouts that judge an answer.
@@ -198,7 +199,7 @@ pub fn learn(
 /// The same, where `execute` runs θ as a rollout of that number.
 pub fn learn_by(
     bench: &Bench,
-    execute: impl Fn(&Problem, u64, &DVector<f64>) -> Result<(bool, f64)>,
+    execute: impl Fn(&Problem, u64, &DVector<f64>) -> Result<Came>,
 ) -> Result<(Vec<Executed>, Answer)> {
     let config = &bench.config.learner;
     let problem = Problem::new(config, &setup::demonstrations(&bench.config)?)?;
@@ -252,16 +253,16 @@ impl Bench {
         (problem, theta): &Answer,
         world: impl Fn(u64) -> PancakeConfig,
     ) -> Result<f64> {
-        share(|draw| Ok(self.rollout(problem, theta, &world(draw))?.0))
+        share(|draw| Ok(self.rollout(problem, theta, &world(draw))?.success))
     }
 
-    /// Success and reward.
+    /// What θ comes to in `world`.
     pub fn rollout(
         &self,
         problem: &Problem,
         theta: &DVector<f64>,
         world: &PancakeConfig,
-    ) -> Result<(bool, f64)> {
+    ) -> Result<Came> {
         self.rollout_on(problem, theta, &mut self.plant(world))
     }
 
@@ -275,11 +276,12 @@ impl Bench {
         problem: &Problem,
         theta: &DVector<f64>,
         plant: &mut P,
-    ) -> Result<(bool, f64)> {
+    ) -> Result<Came> {
         let records = self.records(problem, theta, plant)?;
-        let (_, success, reward) =
+        let (measures, success, reward) =
             self.judge.judge(&self.policy(problem, theta), &EpisodeHeader::default(), &records)?;
-        Ok((success, reward))
+        let measured = measured(self.config.learner.search.targets(), &measures);
+        Ok(Came { success, reward, measured })
     }
 
     pub fn policy(&self, problem: &Problem, theta: &DVector<f64>) -> PolicyMsg {
@@ -297,10 +299,7 @@ impl Bench {
         let (q0, config) = (self.config.plant.start_posture(), &self.config.controller);
         let referee = Referee::Toss(Toss::new(&TossConfig::default()));
         let mut controlled = Controlled { model: &self.model, plant, q0, referee };
-        let mut records = vec![TickRecord::ZERO; MAX_RECORDS];
-        let rollout = simulate(&mut controlled, config, &policy, &mut records)?;
-        records.truncate(rollout.n_records);
-        Ok(records)
+        Ok(episode(&mut controlled, config, &policy)?.1)
     }
 }
 

@@ -8,16 +8,12 @@ use anyhow::Result;
 use learner::LearnerConfig;
 use learner::compliance::ComplianceConfig;
 use learner::exploration::StiffnessKind;
-use learner::judge::Judge;
 use learner::problem::Problem;
 use nalgebra::DVector;
-use physics::arm::ArmModel;
 use rand::RngExt;
 use rt_controller::run::Controlled;
-use rt_controller::simulate::simulate;
 use search::normals::stream;
 use search::power::PowerConfig;
-use shm_types::episode::{EpisodeHeader, MAX_RECORDS, TickRecord};
 
 use super::Sample;
 use super::disturbance::{Disturbed, Table};
@@ -26,6 +22,7 @@ use super::runs::session;
 use crate::config::Config;
 use crate::config::plant::DynamicsKind;
 use crate::tasks::ArmWorld;
+use crate::tasks::executor::episode;
 use crate::{judging, setup};
 
 /// The edge, m from the arm's foot, and the lowest point of the demonstration beyond it, m.
@@ -33,6 +30,8 @@ const EDGE_X_M: f64 = 0.68;
 const DIP_M: f64 = 0.769;
 /// How far above that the table's surface lies, m.
 const HEIGHTS_M: [f64; 2] = [0.0, 0.02];
+/// The height of a table that is not there, m.
+const OUT_OF_THE_WAY: f64 = f64::NEG_INFINITY;
 /// The share of rollouts that are learnt from with the table in the way.
 const SHARE: f64 = 0.5;
 
@@ -71,24 +70,34 @@ fn learn(kind: &Kind, seed: u64) -> Result<Vec<Sample>> {
     config.learner.seed = seed;
     config.plant.dynamics = DynamicsKind::Split;
     (kind.config)(&mut config.learner);
-    let bench = Bench { arm: setup::arm(&config)?, judge: judging::judge(&config)?, config };
+    let judge = judging::judge(&config)?;
+    let ArmWorld { model, plant, q0, referee, .. } = (config.task()?.arm()?.world)(&config)?;
+    let mut plant = Disturbed::new(plant, &model, Table::new(OUT_OF_THE_WAY, EDGE_X_M));
 
-    let learner = &bench.config.learner;
-    let problem = Problem::new(learner, &setup::demonstrations(&bench.config)?)?;
+    let learner = &config.learner;
+    let problem = Problem::new(learner, &setup::demonstrations(&config)?)?;
+    // Success, reward, and the largest force of a table of that height, N.
+    let mut rollout = |theta: &DVector<f64>, table_m: f64| -> Result<(bool, f64, f64)> {
+        let policy = problem.decode(theta, Default::default());
+        plant.by.height_m = table_m;
+        let mut controlled = Controlled { model: &model, plant: &mut plant, q0, referee };
+        let (header, records) = episode(&mut controlled, &config.controller, &policy)?;
+        let (_, success, reward) = judge.judge(&policy, &header, &records)?;
+        Ok((success, reward, plant.by.peak_n))
+    };
     let mut search = problem.search(learner);
-    let executed = session(&mut *search, learner.rollouts, |rollout, theta| {
-        let (success, reward, _) = bench.rollout(&problem, theta, to_learn_from(seed, rollout))?;
+    let executed = session(&mut *search, learner.rollouts, |n, theta| {
+        let (success, reward, _) = rollout(theta, to_learn_from(seed, n))?;
         Ok((success, reward))
     })?;
-    let mean = search.mean().clone();
+    let mean = search.mean();
 
     let mut samples = summary(kind.name, &executed);
-    let free = bench.rollout(&problem, &mean, None)?.0;
+    let free = rollout(mean, OUT_OF_THE_WAY)?.0;
     samples.push(Sample::rate(kind.name, "answer without a table", free));
     let mut peak = 0.0f64;
     let robust = share(|n| {
-        let table = Some(height(seed, JUDGING + n));
-        let (success, _, force) = bench.rollout(&problem, &mean, table)?;
+        let (success, _, force) = rollout(mean, height(seed, JUDGING + n))?;
         peak = peak.max(force);
         Ok(success)
     })?;
@@ -102,37 +111,8 @@ fn height(seed: u64, draw: u64) -> f64 {
     DIP_M + stream(seed, draw).random_range(HEIGHTS_M[0]..=HEIGHTS_M[1])
 }
 
-fn to_learn_from(seed: u64, rollout: u64) -> Option<f64> {
+fn to_learn_from(seed: u64, rollout: u64) -> f64 {
     let draw = LEARNING + rollout;
     let has_table = stream(seed, draw + (1 << 40)).random_bool(SHARE);
-    has_table.then(|| height(seed, draw))
-}
-
-struct Bench {
-    config: Config,
-    arm: ArmModel,
-    judge: Judge,
-}
-
-impl Bench {
-    /// Success, reward, and the largest force of the table of that height, N.
-    fn rollout(
-        &self,
-        problem: &Problem,
-        theta: &DVector<f64>,
-        table_m: Option<f64>,
-    ) -> Result<(bool, f64, f64)> {
-        let policy = problem.decode(theta, Default::default());
-        let world = (self.config.task()?.arm()?.world)(&self.config)?;
-        let ArmWorld { plant, q0, referee, .. } = world;
-        let table = Table::new(table_m.unwrap_or(f64::NEG_INFINITY), EDGE_X_M);
-        let mut plant = Disturbed::new(plant, &self.arm, table);
-        let mut controlled = Controlled { model: &self.arm, plant: &mut plant, q0, referee };
-        let mut records = vec![TickRecord::ZERO; MAX_RECORDS];
-        let done = simulate(&mut controlled, &self.config.controller, &policy, &mut records)?;
-        records.truncate(done.n_records);
-        let header = EpisodeHeader { fault: done.fault, ..EpisodeHeader::default() };
-        let (_, success, reward) = self.judge.judge(&policy, &header, &records)?;
-        Ok((success, reward, plant.by.peak_n))
-    }
+    if has_table { height(seed, draw) } else { OUT_OF_THE_WAY }
 }

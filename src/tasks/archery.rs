@@ -105,13 +105,7 @@ fn configure(config: &mut Config) {
         ..PowerConfig::default()
     };
     // What was measured of the arrow, for a search that learns from it: the middle of the hit.
-    let target = |measure: &str| Target {
-        measure: measure.into(),
-        when: None,
-        min: -0.03,
-        max: 0.03,
-        scale: 0.3,
-    };
+    let target = |measure| Target::new(measure, [-0.03, 0.03], 0.3);
     learner.search.aim.targets = vec![target("miss_right_m"), target("miss_up_m")];
     learner.search.aim.std = 0.03;
 }

@@ -70,18 +70,11 @@ fn configure(config: &mut Config) {
     (power.floor_min, power.floor_decay, power.min_successes) = (0.02, 0.8, 2);
     (power.mean_every, power.candidates) = (0, 1);
     (power.success_rate, power.fewer_elites) = (0.0, false);
-    let target = |measure: &str, when: Option<&str>, [min, max]: [f64; 2], scale| Target {
-        measure: measure.into(),
-        when: when.map(String::from),
-        min,
-        max,
-        scale,
-    };
     // What was measured of the ball, for a search that learns from it: over the rim, and down into it.
     learner.search.aim.targets = vec![
-        target("apex_m", None, [0.02, 0.2], 0.1),
-        target("miss_forward_m", Some("crossed"), [-0.03, 0.03], 0.1),
-        target("miss_left_m", Some("crossed"), [-0.03, 0.03], 0.05),
+        Target::new("apex_m", [0.02, 0.2], 0.1),
+        Target::new("miss_forward_m", [-0.03, 0.03], 0.1).when("crossed"),
+        Target::new("miss_left_m", [-0.03, 0.03], 0.05).when("crossed"),
     ];
 }
 

@@ -1,9 +1,11 @@
 //! Rollouts of a task in this process, bit for bit those of a session: for studies and replays.
 
 use anyhow::{Context, Result};
+use physics::plant::Plant;
+use rt_controller::ControllerConfig;
 use rt_controller::executor::action;
 use rt_controller::run::Controlled;
-use rt_controller::simulate::simulate;
+use rt_controller::simulate::{Simulated, simulate};
 use shm_types::episode::{EpisodeHeader, MAX_RECORDS, TickRecord};
 use shm_types::policy::PolicyMsg;
 
@@ -28,15 +30,23 @@ pub fn executor(config: &Config) -> Result<Box<Executor>> {
         World::Arm(arm) => {
             let ArmWorld { model, q0, mut plant, referee, .. } = (arm.world)(config)?;
             let config = config.controller.clone();
-            let period_ns = config.period_ns() * config.record_stride() as u64;
             Box::new(move |policy| {
                 let mut controlled = Controlled { model: &model, plant: &mut plant, q0, referee };
-                let mut records = vec![TickRecord::ZERO; MAX_RECORDS];
-                let done = simulate(&mut controlled, &config, policy, &mut records)?;
-                records.truncate(done.n_records);
-                let fault = done.fault;
-                Ok((EpisodeHeader { fault, period_ns, ..EpisodeHeader::default() }, records))
+                episode(&mut controlled, &config, policy)
             })
         }
     })
+}
+
+/// One rollout of an arm: what an episode tells of it.
+pub fn episode<P: Plant>(
+    controlled: &mut Controlled<P>,
+    config: &ControllerConfig,
+    policy: &PolicyMsg,
+) -> Result<(EpisodeHeader, Vec<TickRecord>)> {
+    let period_ns = config.period_ns() * config.record_stride() as u64;
+    let mut records = vec![TickRecord::ZERO; MAX_RECORDS];
+    let Simulated { fault, n_records } = simulate(controlled, config, policy, &mut records)?;
+    records.truncate(n_records);
+    Ok((EpisodeHeader { fault, period_ns, ..EpisodeHeader::default() }, records))
 }

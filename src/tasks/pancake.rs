@@ -47,17 +47,10 @@ pub const TASK: Task = Task {
 /// What was measured of a toss, for a search that learns from it: high enough to turn, not so high that it
 /// bounces out, upside down within what a pan in motion forgives, and over the pan.
 fn configure(config: &mut Config) {
-    let target = |measure: &str, when: Option<&str>, [min, max]: [f64; 2], scale| Target {
-        measure: measure.into(),
-        when: when.map(String::from),
-        min,
-        max,
-        scale,
-    };
     config.learner.search.aim.targets = vec![
-        target("apex_m", None, [0.28, 0.65], 0.12),
-        target("turn_rad", Some("tossed"), [-PI - 0.8, -PI + 1.3], 1.0),
-        target("forward_m", Some("tossed"), [-0.09, 0.09], 0.1),
+        Target::new("apex_m", [0.28, 0.65], 0.12),
+        Target::new("turn_rad", [-PI - 0.8, -PI + 1.3], 1.0).when("tossed"),
+        Target::new("forward_m", [-0.09, 0.09], 0.1).when("tossed"),
     ];
 }
 

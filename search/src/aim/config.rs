@@ -21,6 +21,16 @@ pub struct Target {
 }
 
 impl Target {
+    /// A measure that is always there.
+    pub fn new(measure: &str, [min, max]: [f64; 2], scale: f64) -> Target {
+        Target { measure: measure.into(), when: None, min, max, scale }
+    }
+
+    /// One that is there only where the truth value `name` holds.
+    pub fn when(self, name: &str) -> Target {
+        Target { when: Some(name.into()), ..self }
+    }
+
     pub(super) fn width(&self) -> f64 {
         self.max - self.min
     }

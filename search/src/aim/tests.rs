@@ -15,12 +15,8 @@ fn world(theta: &DVector<f64>) -> Vec<Option<f64>> {
     vec![Some(a), (a > 0.0).then_some(b)]
 }
 
-fn target(measure: &str, [min, max]: [f64; 2], scale: f64) -> Target {
-    Target { measure: measure.into(), when: None, min, max, scale }
-}
-
 fn targets() -> Vec<Target> {
-    vec![target("a", [0.7, 1.3], 0.3), target("b", [0.2, 0.8], 0.5)]
+    vec![Target::new("a", [0.7, 1.3], 0.3), Target::new("b", [0.2, 0.8], 0.5)]
 }
 
 fn succeeds(measured: &[Option<f64>]) -> bool {
@@ -161,7 +157,8 @@ fn late_directions_stay_closed_and_growing_ones_go_forwards() {
         (Direction { grows: true, late: false }, Direction { grows: false, late: true });
     let directions = vec![grows, Direction::default(), late];
     let space = Space { directions, ..Space::white(DVector::zeros(3)) };
-    let aim = AimConfig { targets: vec![target("a", [1.0, 2.0], 1.0)], ..AimConfig::default() };
+    let aim =
+        AimConfig { targets: vec![Target::new("a", [1.0, 2.0], 1.0)], ..AimConfig::default() };
     let mut search = Aim::new(aim, PowerConfig::default(), 1, space);
     search.tell(&Trial { measured: vec![Some(0.0)], ..trial_of_zero(3) });
     assert!(search.candidates.iter().all(|candidate| candidate.e[2] == 0.0));
