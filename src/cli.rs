@@ -21,7 +21,7 @@ use crate::tasks::{self, Task};
 
 mod policy;
 
-pub use policy::{AtArg, CellArgs, FormatArg, PolicyArgs, PolicyVerb};
+pub use policy::{AtArg, CellArgs, ChoiceArgs, FormatArg, PolicyArgs, PolicyVerb};
 
 /// Learns compliant robot skills on a hard real-time loop.
 ///
@@ -134,6 +134,7 @@ Examples:
   skillet learn pancake --seed 7 --out s7            a session in s7; the same line resumes it
   skillet learn pancake --rollouts 20 --pace realtime --json
   skillet learn skittles --target 1.2,0.0 --prefer tolerant
+  skillet learn pancake --out s7 --where \"apex_m < 0.45\"    a ceiling came down; s7 goes on below it
 
 Ctrl-C stops it with everything saved (exit code 1); the same command with --out resumes it.")]
 pub struct LearnArgs {
@@ -158,6 +159,9 @@ pub struct LearnArgs {
     /// Which of the modes found is the answer
     #[arg(long, value_enum)]
     pub prefer: Option<PreferArg>,
+    /// What a success must be like from here on, over the measures; "" for nothing any more
+    #[arg(long = "where", value_name = "EXPRESSION")]
+    pub wish: Option<String>,
     /// Record every rollout at full rate, as recording.mcap in the session folder
     #[arg(long)]
     pub record: bool,

@@ -5,7 +5,8 @@ use learner::LearnerConfig;
 use learner::expression::{Expression, Kind};
 use learner::judge::{Declared, Judge, Paid, Verdict, VerdictError, list};
 use learner::targets;
-use shm_types::measures::{Measures, TRUTH};
+use learner::wish::{Wish, kinds};
+use shm_types::measures::Measures;
 
 use crate::config::{Config, JudgeConfig};
 
@@ -15,6 +16,9 @@ pub fn judge(config: &Config) -> Result<Judge> {
     let mut declared = measurer.declared();
     declared.extend(compliance.declared());
     targets::check(config.learner.search.targets(), &declared)?;
+    if !config.learner.wish.is_empty() {
+        Wish::parse(&config.learner.wish, &declared).context("learner.where")?;
+    }
     let judge = Judge::new(measurer, verdict(config, &declared)?).with_compliance(compliance);
     Ok(judge.with_prediction(task.predictor(config)?))
 }
@@ -52,9 +56,7 @@ struct Written {
 
 impl Written {
     fn parse(written: &JudgeConfig, declared: &Declared) -> Result<Written> {
-        let kind = |unit: &str| if unit == TRUTH { Kind::Truth } else { Kind::Number };
-        let names: Vec<(&str, Kind)> =
-            declared.iter().map(|(name, unit)| (name.as_str(), kind(unit))).collect();
+        let names = kinds(declared);
         let success = written
             .success
             .as_ref()

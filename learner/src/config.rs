@@ -45,6 +45,9 @@ pub struct LearnerConfig {
     pub compliance: ComplianceConfig,
     /// Which mode the session's answer is.
     pub prefer: Prefer,
+    /// What a success must be like beside succeeding, over the measures; may be changed when it is resumed.
+    #[serde(rename = "where", skip_serializing_if = "String::is_empty")]
+    pub wish: String,
 }
 
 impl Default for LearnerConfig {
@@ -69,6 +72,7 @@ impl Default for LearnerConfig {
             reward: RewardConfig::default(),
             compliance: ComplianceConfig::default(),
             prefer: Prefer::default(),
+            wish: String::new(),
         }
     }
 }
@@ -101,6 +105,15 @@ impl LearnerConfig {
         check("reward.", &self.reward.ranges())?;
         check("compliance.", &self.compliance.ranges())?;
         self.action.validate()?;
+        if !self.wish.is_empty() && !self.search.method.learns_from_any_trial() {
+            return Err(ConfigError::Range {
+                field: "where".into(),
+                value: self.wish.clone(),
+                allowed: "nothing with a search that learns only from its own proposals; use power \
+                          or aim as learner.search.method"
+                    .into(),
+            });
+        }
         self.search.validate()
     }
 
@@ -120,10 +133,11 @@ impl LearnerConfig {
     }
 
     /// That a session started with `stored` may go on with `self`: everything is equal except the
-    /// number of rollouts and the preferred mode, which no proposal depends on.
+    /// number of rollouts and the preferred mode, which no proposal depends on, and the wish, which is
+    /// stored with the trial from which on it holds.
     pub fn check_resumes(&self, stored: &LearnerConfig) -> Result<(), ConfigError> {
-        let found =
-            LearnerConfig { rollouts: stored.rollouts, prefer: stored.prefer, ..self.clone() };
+        let LearnerConfig { rollouts, prefer, wish, .. } = stored.clone();
+        let found = LearnerConfig { rollouts, prefer, wish, ..self.clone() };
         match first_difference("", &to_json(&found), &to_json(stored)) {
             Some((field, found, stored)) => Err(ConfigError::Changed { field, found, stored }),
             None => Ok(()),

@@ -4,6 +4,7 @@ use shm_types::episode::{EpisodeError, FAULT_APPROACH_TIMEOUT, FAULT_OVERRUN};
 use thiserror::Error;
 
 use crate::exploration::ExplorationError;
+use crate::expression::ParseError;
 use crate::judge::JudgeError;
 use crate::parameters::ParameterError;
 use crate::store::StoreError;
@@ -29,6 +30,8 @@ pub enum LearnerError {
     /// No other rollout would fare better: the session cannot go on.
     #[error("{0}; a session keeps its settings, so start another one with --out")]
     Reward(TellError),
+    #[error("learner.where: {0}")]
+    Wish(Box<ParseError>),
     #[error(
         "rollout {rollout} cannot be reproduced from the stored session: resume it with the program \
          that wrote it, or start another one with --out"

@@ -97,6 +97,27 @@ impl Expression {
         Ok(self.value(values)? != 0.0)
     }
 
+    pub fn n_measures(&self) -> usize {
+        self.measures.len()
+    }
+
+    /// Names of the measures that it speaks of.
+    pub fn occurring(&self) -> Vec<&str> {
+        self.indices().into_iter().map(|i| self.measures[i].as_str()).collect()
+    }
+
+    fn indices(&self) -> Vec<usize> {
+        let mut occurring = Vec::new();
+        self.root.visit(&mut |node| {
+            if let Op::Measure(i) = node.op
+                && !occurring.contains(&i)
+            {
+                occurring.push(i);
+            }
+        });
+        occurring
+    }
+
     /// The text as it was written.
     pub fn text(&self) -> &str {
         &self.text
@@ -105,17 +126,9 @@ impl Expression {
     fn value(&self, values: &[f64]) -> Result<f64, EvalError> {
         assert_eq!(values.len(), self.measures.len(), "one value a measure");
         self.root.value(values).map_err(|stop| {
-            let mut occurring = Vec::new();
-            self.root.visit(&mut |node| {
-                if let Op::Measure(i) = node.op
-                    && !occurring.contains(&i)
-                {
-                    occurring.push(i);
-                }
-            });
             let value = |i: usize| (self.measures[i].clone(), values[i]);
             let place = Place::new(&self.text, stop.mark);
-            let measures = occurring.into_iter().map(value).collect();
+            let measures = self.indices().into_iter().map(value).collect();
             EvalError { fault: stop.fault, place, measures }
         })
     }

@@ -30,9 +30,10 @@ use crate::modes::{ModeReport, assess, mode_policy_id};
 use crate::parameters::PolicyIds;
 use crate::path::{PathRow, decimate};
 use crate::problem::Problem;
-use crate::replay::{Replayed, Told, replay, same_bits};
+use crate::replay::{Replayed, Told, replay, same_bits, told_anew};
 use crate::store::{Event, SessionMeta, Step, Store, TrialRecord};
 use crate::summary::{Summary, TrialReport};
+use crate::wish::{Telling, Wish, Wishes};
 use search::trial::Proposal;
 use search::{AskTell, TellError};
 
@@ -46,6 +47,8 @@ pub struct Learner {
     config: LearnerConfig,
     problem: Problem,
     search: AskTell,
+    telling: Telling,
+    wishes: Wishes,
     judge: Judge,
     store: Store,
     trials: Vec<TrialRecord>,
@@ -77,9 +80,12 @@ impl Learner {
         let config = meta.learner.clone();
         let mut store = Store::create(&directory.join(SESSION_FILE), meta, &initial)?;
         store.record_event("created", source)?;
-        let search = replay(&config, &problem, &[], &mut |_| {})?;
-        let trials = Vec::new();
-        Ok(Learner { config, problem, search, judge, store, trials, pending: None })
+        let (wishes, trials, pending) = (Wishes::default(), Vec::new(), None);
+        let (search, telling) = replay(&config, &problem, &wishes, &trials, &mut |_| {})?;
+        let mut learner =
+            Learner { config, problem, search, telling, wishes, judge, store, trials, pending };
+        learner.follow_wish()?;
+        Ok(learner)
     }
 
     /// Continues the session in `directory` as if it had never stopped: the stored trials are told
@@ -113,16 +119,39 @@ impl Learner {
         if found != expected {
             return Err(LearnerError::Judge(JudgeError::OtherMeasures { found, expected }));
         }
-        let Replayed { problem, search, trials } =
+        let Replayed { problem, search, telling, trials } =
             Replayed::of(&store, demonstrations, judge.predictor(), on_told)?;
         let config = config.clone();
-        let mut learner = Learner { config, problem, search, judge, store, trials, pending: None };
+        let (wishes, pending) = (store.wishes()?, None);
+        let mut learner =
+            Learner { config, problem, search, telling, wishes, judge, store, trials, pending };
+        learner.follow_wish()?;
         if let Some(stored) = learner.store.pending_proposal()? {
             learner.pending = Some(learner.reproduce(&stored)?);
         }
         let text = format!("after {} trials", learner.trials.len());
         learner.store.record_event("resumed", &text)?;
         Ok(learner)
+    }
+
+    /// Takes the wish of the configuration, where it is another one than before: from here on the search is
+    /// the one that knows the trials so far as they look under it.
+    fn follow_wish(&mut self) -> Result<(), LearnerError> {
+        let text = self.config.wish.clone();
+        if self.wishes.last().map_or("", Wish::text) == text {
+            return Ok(());
+        }
+        let wish = (!text.is_empty()).then(|| Wish::parse(&text, &self.store.meta().measures));
+        let wish = wish.transpose().map_err(|error| LearnerError::Wish(Box::new(error)))?;
+        (self.search, self.telling) =
+            told_anew(&self.config, &self.problem, wish.as_ref(), &self.trials)?;
+        let next = self.durable_rollout() + 1;
+        self.store.put_wish(&text, &self.search.snapshot(next))?;
+        self.wishes = self.store.wishes()?;
+        let said = if text.is_empty() { "nothing".into() } else { format!("`{text}`") };
+        let said = format!("from rollout {next} on a success must be so: {said}");
+        tracing::info!("{said}");
+        Ok(self.store.record_event("wish", &said)?)
     }
 
     /// The policy to publish next, durable and sealed. Asking again before the rollout is completed
@@ -171,7 +200,8 @@ impl Learner {
             rollout: header.rollout,
             theta: proposal.theta.clone(),
             reward,
-            success,
+            success: success && self.telling.is_as_wished(&measures),
+            judged_success: success,
             policy_id: header.policy_id,
             policy_digest: header.policy_digest,
             boot_id: header.boot_id,
@@ -189,7 +219,9 @@ impl Learner {
     /// Tells the search; says once which predictions it stopped to rely on.
     fn tell(&mut self, trial: &TrialRecord) -> Result<(), TellError> {
         let (targets, before) = (self.config.search.targets(), self.search.doubted());
-        self.search.tell(&trial.trial(targets))?;
+        let told = self.telling.trial(trial, targets);
+        self.search.tell(&told)?;
+        self.telling.was_told(&told);
         for j in self.search.doubted().into_iter().filter(|j| !before.contains(j)) {
             tracing::warn!(
                 "rollout {}: the prediction of {} is off by more than it helps; the search goes by \
@@ -214,8 +246,10 @@ impl Learner {
         let step = Step { trial: &trial, path, search: &search, next: next.as_ref(), note };
         if let Err(error) = self.store.record_step(&step) {
             // What is not durable was not learnt.
-            self.search = replay(&self.config, &self.problem, &self.trials, &mut |_| {})
-                .expect("these trials were reproduced before");
+            let (config, problem, wishes) = (&self.config, &self.problem, &self.wishes);
+            (self.search, self.telling) =
+                replay(config, problem, wishes, &self.trials, &mut |_| {})
+                    .expect("these trials were reproduced before");
             self.search.ask(trial.rollout);
             return Err(CompleteError::Learner(error.into()));
         }
@@ -251,7 +285,7 @@ impl Learner {
         let forbidden = self.store.forbidden()?;
         Ok(assess(
             &self.search.modes(),
-            &TrialRecord::told(&self.trials, self.config.search.targets()),
+            &self.telling.anew().all(&self.trials, self.config.search.targets()),
             &forbidden,
         ))
     }

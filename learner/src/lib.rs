@@ -23,6 +23,7 @@ pub mod parameters;
 pub mod path;
 pub mod prediction;
 pub mod problem;
+pub mod repertoire;
 pub mod replay;
 pub mod reward;
 pub mod session;
@@ -31,6 +32,7 @@ pub mod store;
 pub mod summary;
 pub mod targets;
 pub mod trajectory;
+pub mod wish;
 
 pub use config::LearnerConfig;
 pub use demonstration::Demonstration;

@@ -8,12 +8,14 @@ use crate::error::LearnerError;
 use crate::prediction::Predictor;
 use crate::problem::Problem;
 use crate::store::{Store, TrialRecord};
+use crate::wish::{Telling, Wish, Wishes};
 use search::AskTell;
 
 /// A session brought back.
 pub struct Replayed {
     pub problem: Problem,
     pub search: AskTell,
+    pub telling: Telling,
     pub trials: Vec<TrialRecord>,
 }
 
@@ -29,8 +31,8 @@ impl Replayed {
         let problem = Problem::around(&store.initial_policy()?, config, demonstrations)?
             .with_prediction(config, predictor);
         let trials = store.trials()?;
-        let search = replay(config, &problem, &trials, on_told)?;
-        Ok(Replayed { problem, search, trials })
+        let (search, telling) = replay(config, &problem, &store.wishes()?, &trials, on_told)?;
+        Ok(Replayed { problem, search, telling, trials })
     }
 }
 
@@ -45,21 +47,56 @@ pub struct Told {
 pub fn replay(
     config: &LearnerConfig,
     problem: &Problem,
+    wishes: &Wishes,
     trials: &[TrialRecord],
     on_told: &mut dyn FnMut(Told),
-) -> Result<AskTell, LearnerError> {
+) -> Result<(AskTell, Telling), LearnerError> {
     let mut search = AskTell::new(problem.search(config));
+    let mut telling = Telling::new(wishes.of_rollout(1));
     for (trial, rollout) in trials.iter().zip(1..) {
+        if wishes.changes_at(rollout) {
+            let before = &trials[..rollout as usize - 1];
+            (search, telling) = told_anew(config, problem, wishes.of_rollout(rollout), before)?;
+        }
         if trial.rollout != rollout || !same_bits(&search.ask(rollout).theta, &trial.theta) {
             return Err(LearnerError::NotReproduced { rollout });
         }
         if !trial.set_aside {
-            let told = search.tell(&trial.trial(config.search.targets()));
-            told.map_err(|_| LearnerError::NotReproduced { rollout })?;
+            tell(&mut search, &mut telling, trial, config)?;
         }
         on_told(Told { trials: rollout as usize, of: trials.len() });
     }
-    Ok(search)
+    if wishes.changes_at(trials.len() as u64 + 1) {
+        return told_anew(config, problem, wishes.last(), trials);
+    }
+    Ok((search, telling))
+}
+
+/// A search of its own that is told `trials` under another `wish` than the one they were proposed for.
+pub fn told_anew(
+    config: &LearnerConfig,
+    problem: &Problem,
+    wish: Option<&Wish>,
+    trials: &[TrialRecord],
+) -> Result<(AskTell, Telling), LearnerError> {
+    let (mut search, mut telling) = (AskTell::new(problem.search(config)), Telling::new(wish));
+    for trial in trials.iter().filter(|trial| !trial.set_aside) {
+        search.ask(trial.rollout);
+        tell(&mut search, &mut telling, trial, config)?;
+    }
+    Ok((search, telling))
+}
+
+fn tell(
+    search: &mut AskTell,
+    telling: &mut Telling,
+    record: &TrialRecord,
+    config: &LearnerConfig,
+) -> Result<(), LearnerError> {
+    let (trial, rollout) = (telling.trial(record, config.search.targets()), record.rollout);
+    search.tell(&trial).map_err(|_| LearnerError::NotReproduced { rollout })?;
+    telling.was_told(&trial);
+    Ok(())
 }
 
 pub fn same_bits(a: &DVector<f64>, b: &DVector<f64>) -> bool {
@@ -80,6 +117,7 @@ mod tests {
             theta: trial.theta,
             reward: trial.reward,
             success: trial.success,
+            judged_success: trial.success,
             policy_id: trial.rollout,
             policy_digest: 0,
             boot_id: 0,
@@ -108,14 +146,14 @@ mod tests {
             search.tell(&trial).unwrap();
             trials.push(record(trial));
         }
-        let mut heard = Vec::new();
-        assert!(replay(&config, &problem, &trials, &mut |told| heard.push(told)).is_ok());
+        let (mut heard, none) = (Vec::new(), Wishes::default());
+        assert!(replay(&config, &problem, &none, &trials, &mut |told| heard.push(told)).is_ok());
         assert_eq!(heard.len(), 40);
         assert_eq!(heard[39], Told { trials: 40, of: 40 });
         let astray = |change: &dyn Fn(&mut TrialRecord)| {
             let mut trials = trials.clone();
             change(&mut trials[5]);
-            match replay(&config, &problem, &trials, &mut |_| {}).err() {
+            match replay(&config, &problem, &none, &trials, &mut |_| {}).err() {
                 Some(LearnerError::NotReproduced { rollout }) => rollout,
                 other => panic!("{other:?}"),
             }

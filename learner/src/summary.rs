@@ -91,6 +91,7 @@ mod tests {
             theta: DVector::zeros(1),
             reward,
             success,
+            judged_success: success,
             policy_id: rollout,
             policy_digest: 0,
             boot_id: 0,

@@ -5,9 +5,11 @@
 //! from a prediction. Rollout 1 is θ₀; every other one executes, of a set of candidates, the one that most
 //! likely succeeds: all measures in their windows, and more of its neighbours succeeded than failed.
 //!
-//! After so many successes PoWER may take over, for what no target speaks of.
+//! After so many successes PoWER may take over, for what no target speaks of; or the search goes on to
+//! succeed in every part of the windows ([`cover`]), so that there is a policy for every wish.
 
 mod config;
+mod cover;
 mod estimate;
 mod process;
 mod window;
@@ -15,17 +17,14 @@ mod window;
 use nalgebra::DVector;
 
 pub use config::{AimConfig, Target, Then};
+use cover::{Cover, part_of, windows};
 use estimate::{Estimate, Place};
-use window::log_within;
 
 use super::normals::{standard_normal, stream};
 use super::power::{Elites, Power, PowerConfig};
 use super::{RewardError, Search, SearchSnapshot, Space, rewards};
 use crate::trial::{Proposal, Trial};
 
-/// Standard deviation of what the window's edges leave out, in its widths: a measure near an edge is
-/// neither a success for sure nor a failure.
-const EDGE: f64 = 1.0 / 6.0;
 /// What it costs to go far from the start, per squared unit.
 const RIDGE: f64 = 0.02;
 /// Trials that the measures are worth against those that succeeded or failed nearby.
@@ -57,7 +56,11 @@ struct Candidate {
     /// How many trials are near, and how many successes, by a kernel.
     tried: f64,
     succeeded: f64,
+    /// How likely it succeeds, and that in the part that is aimed at; logarithms, not normalised.
     score: f64,
+    aimed: f64,
+    /// In which part what is expected of it lies.
+    part: usize,
 }
 
 impl Candidate {
@@ -78,6 +81,7 @@ pub struct Aim {
     candidates: Vec<Candidate>,
     /// e and success of every trial.
     told: Vec<(DVector<f64>, bool)>,
+    cover: Cover,
     n_successes: u64,
     last: u64,
     mean: DVector<f64>,
@@ -102,7 +106,12 @@ impl Aim {
         let mean = space.inside(space.theta_0.clone());
         let (candidates, told) = (Vec::new(), Vec::new());
         let (n_successes, last) = (0, 0);
-        Aim { config, seed, space, estimates, candidates, told, n_successes, last, mean, power }
+        let cover = Cover::new(if config.then == Then::Cover { &config.targets } else { &[] });
+        Aim { config, seed, space, estimates, candidates, told, cover, n_successes, last, mean, power }
+    }
+
+    fn is_covering(&self) -> bool {
+        self.config.then == Then::Cover && self.n_successes >= self.config.successes
     }
 
     /// PoWER, once it has taken over.
@@ -141,8 +150,8 @@ impl Aim {
         let e = (&theta - &self.space.theta_0) / self.config.std;
         let predicted = self.predicted(&theta);
         let places = vec![Place::default(); self.estimates.len()];
-        let mut candidate =
-            Candidate { e, predicted, places, tried: 0.0, succeeded: 0.0, score: 0.0 };
+        let (tried, succeeded, score, aimed, part) = (0.0, 0.0, 0.0, 0.0, 0);
+        let mut candidate = Candidate { e, predicted, places, tried, succeeded, score, aimed, part };
         self.told.iter().for_each(|(e, success)| candidate.meet(e, *success));
         self.candidates.push(candidate);
     }
@@ -157,23 +166,50 @@ impl Aim {
     }
 
     /// u(e) = Σⱼ ln P(measure j in its window) − ridge |e|²; with the trials nearby as counts and u as
-    /// their prior, p = (a eᵘ + Σ kᵢ okᵢ)/(a + Σ kᵢ); the score is ln p + share·u.
+    /// their prior, p = (a eᵘ + Σ kᵢ okᵢ)/(a + Σ kᵢ); the score is ln p + share·u. Where a part of the
+    /// windows is aimed at, ln P(measure j in that part) comes to it.
     fn rank(&mut self) {
+        let targets = &self.config.targets;
+        let aims = match self.is_covering() {
+            true => windows(targets, self.cover.next()),
+            false => vec![None; targets.len()],
+        };
         for candidate in &mut self.candidates {
-            let Candidate { e, predicted, places, tried, succeeded, .. } = candidate;
-            let mut u = -RIDGE * e.norm_squared();
-            for (j, target) in self.config.targets.iter().enumerate() {
-                let expected = self.estimates[j].at(e, predicted[j], &mut places[j]);
-                let deviation = (expected.variance + (EDGE * target.width()).powi(2)).sqrt();
-                let z = |edge: f64| (edge - expected.mean) / deviation;
-                u += log_within(z(target.min), z(target.max));
+            let (mut u, mut within_part) = (-RIDGE * candidate.e.norm_squared(), 0.0);
+            let mut means = Vec::with_capacity(targets.len());
+            for (j, target) in targets.iter().enumerate() {
+                let (predicted, place) = (candidate.predicted[j], &mut candidate.places[j]);
+                let expected = self.estimates[j].at(&candidate.e, predicted, place);
+                u += expected.log_within([target.min, target.max]);
+                within_part += aims[j].map_or(0.0, |part| expected.log_within(part));
+                means.push(expected.mean);
             }
-            let p = (PRIOR * u.exp() + *succeeded) / (PRIOR + *tried);
+            let p = (PRIOR * u.exp() + candidate.succeeded) / (PRIOR + candidate.tried);
             candidate.score = p.max(f64::MIN_POSITIVE).ln() + SHARE * u.max(f64::MIN);
+            candidate.aimed = candidate.score + within_part.max(f64::MIN);
+            if self.cover.n_parts() > 1 {
+                candidate.part = part_of(targets, means);
+            }
         }
         // A stable sort: of equals the one that was drawn first.
-        self.candidates.sort_by(|a, b| b.score.total_cmp(&a.score));
-        self.candidates.truncate(self.config.candidates + ROUNDS * A_ROUND);
+        self.candidates.sort_by(|a, b| b.aimed.total_cmp(&a.aimed));
+        self.thin();
+    }
+
+    /// Keeps the best candidates, as many of every part.
+    fn thin(&mut self) {
+        let most = (self.config.candidates + ROUNDS * A_ROUND).div_ceil(self.cover.n_parts());
+        let mut kept = vec![0; self.cover.n_parts()];
+        self.candidates.retain(|candidate| {
+            kept[candidate.part] += 1;
+            kept[candidate.part] <= most
+        });
+    }
+
+    /// Where a success is most likely, whatever is aimed at.
+    fn best(&self) -> &Candidate {
+        let better = self.candidates.iter().reduce(|a, b| if b.score > a.score { b } else { a });
+        better.expect("there are candidates after the first trial")
     }
 }
 
@@ -208,6 +244,15 @@ impl Search for Aim {
                 estimate.observe(&e, predicted[j], value);
             }
         }
+        if self.is_covering() {
+            self.cover.count(self.cover.next());
+            // The next aim at the same part is another policy.
+            self.candidates.retain(|candidate| candidate.e != e);
+        }
+        let values = trial.measured.iter().copied().collect::<Option<Vec<f64>>>();
+        if let Some(values) = values.filter(|_| trial.success && self.cover.n_parts() > 1) {
+            self.cover.count(part_of(&self.config.targets, values));
+        }
         self.candidates.iter_mut().for_each(|candidate| candidate.meet(&e, trial.success));
         self.told.push((e, trial.success));
         self.n_successes += u64::from(trial.success);
@@ -220,7 +265,7 @@ impl Search for Aim {
         }
         self.mean = match self.successor() {
             Some(power) => power.mean().clone(),
-            None => self.theta(&self.candidates[0].e),
+            None => self.theta(&self.best().e),
         };
     }
 
@@ -254,6 +299,7 @@ impl Aim {
         let n_told = self.told.len() as u64;
         let mut rng = stream(self.seed, n_told + 1);
         let mut z = || standard_normal(&mut rng);
+        let is_seldom = self.n_successes >= ENOUGH_SUCCESSES && !self.is_covering();
         if self.candidates.is_empty() {
             self.add(DVector::zeros(self.space.dim()));
             for _ in 0..self.config.candidates {
@@ -262,7 +308,7 @@ impl Aim {
             }
             self.rank();
             (0..ROUNDS).for_each(|_| self.refine(A_ROUND, ROUND_STD, &mut z));
-        } else if self.n_successes < ENOUGH_SUCCESSES || n_told.is_multiple_of(SELDOM) {
+        } else if !is_seldom || n_told.is_multiple_of(SELDOM) {
             self.rank();
             (0..self.rounds()).for_each(|_| self.refine(A_ROLLOUT, ROLLOUT_STD, &mut z));
         } else {

@@ -47,6 +47,13 @@ pub enum Method {
     Tempered,
 }
 
+impl Method {
+    /// Trials that it did not propose teach it as much as others: it can be told a history anew.
+    pub fn learns_from_any_trial(self) -> bool {
+        matches!(self, Method::Power | Method::Aim)
+    }
+}
+
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SearchConfig {

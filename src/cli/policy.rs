@@ -17,6 +17,20 @@ pub struct CellArgs {
     pub config: Option<PathBuf>,
 }
 
+/// Which policy of a session.
+#[derive(Args, Clone)]
+pub struct ChoiceArgs {
+    /// Which mode of the session; as it was configured when absent
+    #[arg(long, value_enum)]
+    pub prefer: Option<PreferArg>,
+    /// This mode of the session, preferred or not
+    #[arg(long, conflicts_with = "prefer")]
+    pub mode: Option<usize>,
+    /// One that succeeds like this: an expression over the session's measures
+    #[arg(long = "where", value_name = "EXPRESSION", conflicts_with_all = ["prefer", "mode"])]
+    pub wish: Option<String>,
+}
+
 #[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
 pub enum AtArg {
     /// When the rollout in progress has ended
@@ -133,17 +147,17 @@ Examples:
 Examples:
   skillet policy export sessions/skittles-1 --prefer best > throw.json
   skillet policy export sessions/pancake-1 --format toml > flip.toml
+  skillet policy export sessions/pancake-1 --where \"apex_m > 0.6\" > high.json
   skillet policy export 3 --cell kitchen
-  skillet policy export last-good --cell kitchen")]
+  skillet policy export last-good --cell kitchen
+
+--where chooses among what the session's rollouts did: the policy comes from those that succeeded as
+wished, from where most of their neighbours did so too, and needs no further rollout.")]
     Export {
         /// Session folder, number in the cell, or last-good
         from: String,
-        /// Which mode of the session; as it was configured when absent
-        #[arg(long, value_enum)]
-        prefer: Option<PreferArg>,
-        /// This mode of the session, preferred or not
-        #[arg(long, conflicts_with = "prefer")]
-        mode: Option<usize>,
+        #[command(flatten)]
+        choice: ChoiceArgs,
         /// JSON for programs, TOML to read and edit; `policy import` takes both
         #[arg(long, value_enum, default_value_t = FormatArg::Json)]
         format: FormatArg,
@@ -156,6 +170,7 @@ Examples:
   skillet policy import flip.toml --cell kitchen
   skillet policy import sessions/pancake-1 --cell kitchen           the session's answer
   skillet policy import sessions/pancake-1 --id 91 --cell kitchen   policy of one trial
+  skillet policy import sessions/pancake-1 --where \"apex_m < 0.45\" --cell kitchen
 
 The controller checks bounds and stiffness and runs the policy on an ideal arm first; what it refuses
 it names.")]
@@ -163,14 +178,10 @@ it names.")]
         /// JSON or TOML of a policy, as `policy export` prints it, or a session folder
         from: PathBuf,
         /// Policy of the session, as in `policy list`
-        #[arg(long, conflicts_with_all = ["prefer", "mode"])]
+        #[arg(long, conflicts_with_all = ["prefer", "mode", "wish"])]
         id: Option<u64>,
-        /// Which mode of the session; as it was configured when absent
-        #[arg(long, value_enum)]
-        prefer: Option<PreferArg>,
-        /// This mode of the session, preferred or not
-        #[arg(long, conflicts_with = "prefer")]
-        mode: Option<usize>,
+        #[command(flatten)]
+        choice: ChoiceArgs,
         /// Print JSON
         #[arg(long)]
         json: bool,

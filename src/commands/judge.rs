@@ -55,7 +55,7 @@ impl Again<'_> {
 
     /// Of a trial that was judged before.
     fn before(&self) -> Option<(bool, f64)> {
-        (!self.trial.set_aside).then_some((self.trial.success, self.trial.reward))
+        (!self.trial.set_aside).then_some((self.trial.judged_success, self.trial.reward))
     }
 
     fn is_same_success(&self) -> bool {

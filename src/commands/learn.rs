@@ -86,6 +86,7 @@ fn prepare(args: &LearnArgs) -> Result<(SessionFolder, Config)> {
     config.learner.seed = args.seed.unwrap_or(config.learner.seed);
     config.learner.rollouts = args.rollouts.unwrap_or(config.learner.rollouts);
     config.learner.prefer = args.prefer.map_or(config.learner.prefer, Into::into);
+    config.learner.wish = args.wish.clone().unwrap_or(config.learner.wish);
     if let Some(target) = args.target {
         if !config.task()?.has_target {
             bail!("the task {} has no target to choose; leave --target out", args.task);

@@ -15,6 +15,7 @@ pub mod policy;
 pub mod rearm;
 pub mod record;
 pub mod replay;
+pub mod repertoire;
 pub mod report;
 pub mod shell;
 pub mod soak;

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use learner::judge::Declared;
 use learner::store::{Store, TrialRecord};
 use serde_json::json;
@@ -12,10 +12,10 @@ use shm_types::policy::{ACTIVATION_DECAY, PolicyMsg};
 use shm_types::policy_json;
 
 use super::report::open;
-use super::{live, modes};
+use super::{live, modes, repertoire};
 use crate::Verdict;
 use crate::cell::NamedCell;
-use crate::cli::{CellArgs, FormatArg, PolicyArgs, PolicyVerb};
+use crate::cli::{CellArgs, ChoiceArgs, FormatArg, PolicyArgs, PolicyVerb};
 use crate::output::{print, print_json};
 use crate::policy_file;
 use crate::session_folder::SessionFolder;
@@ -37,10 +37,11 @@ pub fn run(args: &PolicyArgs) -> Result<Verdict> {
             [session, mode] => modes::allow(Path::new(session), mode, *json),
             policy => live::change(&NamedCell::of(cell)?, COMMAND_ALLOW, only(policy)?, *json),
         },
-        PolicyVerb::Export { from, prefer, mode, format, cell } => {
-            let policy = match Path::new(from).is_dir() {
-                true => modes::answer(Path::new(from), *prefer, *mode)?,
-                false => live::stored(&NamedCell::of(cell)?, from)?,
+        PolicyVerb::Export { from, choice, format, cell } => {
+            let policy = match (Path::new(from).is_dir(), &choice.wish) {
+                (true, _) => chosen(Path::new(from), choice)?,
+                (false, Some(_)) => bail!("--where: {from} is not the folder of a session"),
+                (false, None) => live::stored(&NamedCell::of(cell)?, from)?,
             };
             print(&match format {
                 FormatArg::Json => format!("{}\n", policy_json::to_json(&policy)?),
@@ -49,11 +50,14 @@ pub fn run(args: &PolicyArgs) -> Result<Verdict> {
             Ok(Verdict::Done)
         }
         PolicyVerb::Show { policy, json, cell } => show(&one(policy, cell)?, *json),
-        PolicyVerb::Import { from, id, prefer, mode, json, cell } => {
-            let policy = match (from.is_dir(), id) {
-                (true, Some(id)) => of_session(from, *id)?,
-                (true, None) => modes::answer(from, *prefer, *mode)?,
-                (false, _) => policy_file::read(from)?,
+        PolicyVerb::Import { from, id, choice, json, cell } => {
+            let policy = match (from.is_dir(), id, &choice.wish) {
+                (true, Some(id), _) => of_session(from, *id)?,
+                (true, None, _) => chosen(from, choice)?,
+                (false, _, Some(_)) => {
+                    bail!("--where: {} is not the folder of a session", from.display())
+                }
+                (false, ..) => policy_file::read(from)?,
             };
             live::import(&NamedCell::of(cell)?, policy, *json)
         }
@@ -69,6 +73,14 @@ pub fn run(args: &PolicyArgs) -> Result<Verdict> {
         PolicyVerb::Unpin { json, cell } => {
             live::change(&NamedCell::of(cell)?, COMMAND_UNPIN, LAST_GOOD, *json)
         }
+    }
+}
+
+/// The policy of a session for a wish, else of one of its modes.
+fn chosen(session: &Path, choice: &ChoiceArgs) -> Result<PolicyMsg> {
+    match &choice.wish {
+        Some(wish) => repertoire::answer(session, wish),
+        None => modes::answer(session, choice.prefer, choice.mode),
     }
 }
 

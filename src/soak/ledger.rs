@@ -87,6 +87,7 @@ mod tests {
             theta: nalgebra::DVector::zeros(1),
             reward: 0.0,
             success: false,
+            judged_success: false,
             policy_id: rollout,
             policy_digest: 0,
             boot_id,

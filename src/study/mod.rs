@@ -14,6 +14,7 @@ mod literal;
 mod niching;
 mod pancake;
 mod peaks;
+mod repertoire;
 mod run;
 mod runner;
 mod runs;
@@ -92,6 +93,12 @@ pub const STUDIES: &[Study] = &[
         "pancake flipping learnt from measures, with good and bad predictions and with none",
         1,
         aim::run_seed,
+    ),
+    table_of(
+        "repertoire",
+        "flips of every height from one demonstration, asked for by height",
+        1,
+        repertoire::run_seed,
     ),
     table_of(
         "aim-tasks",

@@ -73,6 +73,7 @@ impl Learner {
             theta: proposal.theta.clone(),
             reward: 0.0,
             success: false,
+            judged_success: false,
             policy_id: policy.policy_id,
             policy_digest: policy.digest,
             boot_id: 0,

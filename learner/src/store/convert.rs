@@ -1,4 +1,5 @@
-//! Sessions of format 3, in which the pancake's thirteen measures were columns of every task.
+//! Sessions of formats 3 and 4. In 3 the pancake's thirteen measures were columns of every task; in 4 there
+//! were no wishes.
 
 use std::path::{Path, PathBuf};
 
@@ -12,6 +13,7 @@ use super::{APPLICATION_ID, FORMAT_VERSION, StoreError, meta};
 use crate::judge::Declared;
 
 const FORMAT: i64 = 3;
+const WITHOUT_WISHES: i64 = 4;
 /// Columns that are gone: the one that held a world's own number, and the pancake's.
 const VALUE: &str = "value";
 const FLAGS: &str = "outcome_flags";
@@ -35,18 +37,36 @@ const PANCAKE: [(&str, &str, &str); 16] = [
     ("clipped_share", "1", "clipped_share"),
 ];
 
-/// Converts the session at `path` if it is of format 3; the file as it was is kept beside it, and the
-/// diary says so.
-pub(super) fn from_format_3(connection: &mut Connection, path: &Path) -> Result<(), StoreError> {
-    let sql = |error| StoreError::from_sql(path, error);
+/// Converts the session at `path` if it is of a format before this one.
+pub(super) fn to_this_format(connection: &mut Connection, path: &Path) -> Result<(), StoreError> {
     let pragma = |name| connection.pragma_query_value(None, name, |row| row.get::<_, i64>(0));
     // A file that is no session at all is refused when it is opened.
-    if !matches!(
-        (pragma("application_id"), pragma("user_version")),
-        (Ok(APPLICATION_ID), Ok(FORMAT))
-    ) {
-        return Ok(());
+    match (pragma("application_id"), pragma("user_version")) {
+        (Ok(APPLICATION_ID), Ok(FORMAT)) => from_format_3(connection, path),
+        (Ok(APPLICATION_ID), Ok(WITHOUT_WISHES)) => from_format_4(connection)
+            .map_err(|error| StoreError::from_sql(path, error)),
+        _ => Ok(()),
     }
+}
+
+/// Nothing is taken away, so nothing needs to be kept.
+fn from_format_4(connection: &mut Connection) -> rusqlite::Result<()> {
+    let transaction = connection.transaction()?;
+    transaction.execute_batch(table("wishes"))?;
+    transaction.pragma_update(None, "user_version", FORMAT_VERSION)?;
+    transaction.commit()
+}
+
+/// How the schema creates a table.
+fn table(name: &str) -> &'static str {
+    let schema = include_str!("schema.sql");
+    let begin = schema.find(&format!("CREATE TABLE {name}")).unwrap_or_default();
+    schema[begin..].split_inclusive(';').next().unwrap_or_default()
+}
+
+/// The file as it was is kept beside it, and the diary says so.
+fn from_format_3(connection: &mut Connection, path: &Path) -> Result<(), StoreError> {
+    let sql = |error| StoreError::from_sql(path, error);
     let kept = kept_path(path);
     if !kept.exists() {
         replace(connection, &kept).map_err(sql)?;
@@ -70,10 +90,9 @@ fn kept_path(path: &Path) -> PathBuf {
 
 /// `Some` says what is damaged, and nothing was converted.
 fn convert(transaction: &Transaction<'_>, kept: &Path) -> rusqlite::Result<Option<String>> {
-    let schema = include_str!("schema.sql");
-    let begin = schema.find("CREATE TABLE measures").unwrap_or_default();
-    let table = schema[begin..].split_inclusive(';').next().unwrap_or_default();
-    transaction.execute_batch(table)?;
+    for name in ["measures", "wishes"] {
+        transaction.execute_batch(table(name))?;
+    }
     if let Some(detail) = seal::find_damage(transaction)? {
         return Ok(Some(detail));
     }

@@ -10,6 +10,7 @@ mod modes;
 mod read;
 mod rows;
 mod seal;
+mod wishes;
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -20,6 +21,7 @@ use shm_types::policy::PolicyMsg;
 use copy::{SecondCopy, copy_path};
 pub use error::StoreError;
 pub use meta::SessionMeta;
+pub use wishes::WishFrom;
 pub use rows::{Event, PolicyKind, Step, TrialRecord};
 use rows::{insert_event, insert_policy, insert_proposal, insert_search, insert_trial};
 
@@ -27,7 +29,7 @@ use search::trial::Proposal;
 use shm_types::policy_json;
 
 /// Format of the session file; raised whenever an older program could not read it.
-pub const FORMAT_VERSION: i64 = 4;
+pub const FORMAT_VERSION: i64 = 5;
 /// "SKLT" in the file's header: how `file` and [`Store::open`] recognise a session.
 const APPLICATION_ID: i64 = 0x534b_4c54;
 /// Pages of changes after which they are moved into the file. That waits for the disk thrice, so it is to be
@@ -109,7 +111,7 @@ impl Store {
         }
         let sql = |error| StoreError::from_sql(path, error);
         let mut connection = connect(path, OpenFlags::SQLITE_OPEN_READ_WRITE).map_err(sql)?;
-        convert::from_format_3(&mut connection, path)?;
+        convert::to_this_format(&mut connection, path)?;
         let pragma = |name| connection.pragma_query_value(None, name, |row| row.get::<_, i64>(0));
         if pragma("application_id").map_err(sql)? != APPLICATION_ID {
             return Err(StoreError::NotSkillet { path: path.into() });

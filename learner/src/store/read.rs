@@ -43,11 +43,13 @@ impl Store {
         let rows = self.sql(statement.query_map([], trial_from_row))?;
         let trials = rows.map(|row| self.sql(row)?.map_err(|detail| self.corrupt(detail)));
         let mut trials = trials.collect::<Result<Vec<TrialRecord>, StoreError>>()?;
-        let mut measures = self.measures()?;
+        let (mut measures, wishes) = (self.measures()?, self.wishes()?);
         for trial in &mut trials {
             if let Some(values) = measures.remove(&trial.rollout) {
                 trial.measures = self.measured(trial.rollout, &values)?;
             }
+            let wish = wishes.of_rollout(trial.rollout);
+            trial.success &= wish.is_none_or(|wish| wish.holds(&trial.measures));
         }
         Ok(trials)
     }

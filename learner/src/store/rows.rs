@@ -39,7 +39,10 @@ pub struct TrialRecord {
     pub rollout: u64,
     pub theta: DVector<f64>,
     pub reward: f64,
+    /// By the judge, and as it was wished then.
     pub success: bool,
+    /// By the judge alone.
+    pub judged_success: bool,
     pub policy_id: u64,
     pub policy_digest: u64,
     /// Start of the controller that ran it; `applied_tick` counts from there.
@@ -70,17 +73,11 @@ impl TrialRecord {
         counts.into_iter().chain(numbers.map(f64::to_bits)).collect()
     }
 
-    /// What the search learns from, with what was measured of its `targets`.
+    /// What the search learns from where nothing is wished, with what was measured of its `targets`.
     pub fn trial(&self, targets: &[Target]) -> Trial {
         let (rollout, theta, reward) = (self.rollout, self.theta.clone(), self.reward);
         let measured = measured(targets, &self.measures);
-        Trial { rollout, theta, reward, success: self.success, measured }
-    }
-
-    /// Those of `records` that the search was told.
-    pub fn told(records: &[TrialRecord], targets: &[Target]) -> Vec<Trial> {
-        let told = records.iter().filter(|record| !record.set_aside);
-        told.map(|record| record.trial(targets)).collect()
+        Trial { rollout, theta, reward, success: self.judged_success, measured }
     }
 }
 
@@ -131,6 +128,7 @@ pub(super) fn trial_from_row(row: &Row<'_>) -> rusqlite::Result<Result<TrialReco
         theta,
         reward,
         success: row.get(10)?,
+        judged_success: row.get(10)?,
         policy_id: integer(row.get(3)?),
         policy_digest,
         boot_id,
@@ -207,7 +205,7 @@ pub(super) fn insert_trial(
         ":fault": signed(trial.fault),
         ":n_records": signed(trial.n_records),
         ":set_aside": trial.set_aside,
-        ":success": trial.success,
+        ":success": trial.judged_success,
         ":path": path::encode(path),
     })?;
     let query = "INSERT INTO measures (rollout, name, value) VALUES (?1, ?2, ?3)";

@@ -83,6 +83,13 @@ CREATE TABLE forbidden (
     mean BLOB NOT NULL
 ) STRICT;
 
+-- What a success must be like beside succeeding, from the trial after `after` on; nothing where empty.
+CREATE TABLE wishes (
+    after INTEGER PRIMARY KEY,
+    seal INTEGER,
+    text TEXT NOT NULL
+) STRICT;
+
 CREATE TABLE events (
     id INTEGER PRIMARY KEY,
     seal INTEGER,

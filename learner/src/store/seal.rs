@@ -6,7 +6,7 @@ use rusqlite::types::ValueRef;
 use shm_types::Digest;
 
 /// Every table; each has a column `seal` over all its others.
-const TABLES: [&str; 9] = [
+const TABLES: [&str; 10] = [
     "meta",
     "policies",
     "proposals",
@@ -15,6 +15,7 @@ const TABLES: [&str; 9] = [
     "searches",
     "modes",
     "forbidden",
+    "wishes",
     "events",
 ];
 

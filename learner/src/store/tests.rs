@@ -44,6 +44,7 @@ pub(super) fn record(rollout: u64) -> TrialRecord {
         theta: proposal(rollout).theta,
         reward: 1.0 / 3.0,
         success: true,
+        judged_success: true,
         policy_id: rollout,
         policy_digest: policy(rollout).digest,
         boot_id: u64::MAX,

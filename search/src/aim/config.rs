@@ -4,6 +4,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::range::{ConfigError, Range, check, range};
 
+/// More parts than there are rollouts are never covered.
+const MAX_PARTS: usize = 100;
+
 /// A measure and the window it is to lie in.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -18,12 +21,23 @@ pub struct Target {
     pub max: f64,
     /// How much the measure changes with one unit of exploration, about, in its unit.
     pub scale: f64,
+    /// Equal parts of the window that a search which covers it succeeds in, each.
+    #[serde(default = "whole", skip_serializing_if = "is_whole")]
+    pub parts: usize,
+}
+
+fn whole() -> usize {
+    1
+}
+
+fn is_whole(parts: &usize) -> bool {
+    *parts == 1
 }
 
 impl Target {
     /// A measure that is always there.
     pub fn new(measure: &str, [min, max]: [f64; 2], scale: f64) -> Target {
-        Target { measure: measure.into(), when: None, min, max, scale }
+        Target { measure: measure.into(), when: None, min, max, scale, parts: whole() }
     }
 
     /// One that is there only where the truth value `name` holds.
@@ -33,6 +47,18 @@ impl Target {
 
     pub(super) fn width(&self) -> f64 {
         self.max - self.min
+    }
+
+    /// The window of one of its parts.
+    pub(super) fn part(&self, i: usize) -> [f64; 2] {
+        let edge = |i: usize| self.min + self.width() * i as f64 / self.parts as f64;
+        [edge(i), edge(i + 1)]
+    }
+
+    /// The part that holds `value`, the nearest one where it is outside the window.
+    pub(super) fn part_of(&self, value: f64) -> usize {
+        let share = (value - self.min) / self.width() * self.parts as f64;
+        (share.max(0.0) as usize).min(self.parts - 1)
     }
 }
 
@@ -45,6 +71,8 @@ pub enum Then {
     Aim,
     /// PoWER among the successes, for what no target speaks of.
     Power,
+    /// Successes in every part of the windows.
+    Cover,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -111,6 +139,21 @@ impl AimConfig {
                     allowed: format!("about what {name} changes with one unit of exploration, > 0"),
                 });
             }
+            if !(1..=MAX_PARTS).contains(&target.parts) {
+                return Err(ConfigError::Range {
+                    field: field("parts"),
+                    value: target.parts.to_string(),
+                    allowed: format!("parts of the window of {name}, 1 to {MAX_PARTS}"),
+                });
+            }
+        }
+        let parts = self.targets.iter().fold(1_usize, |all, t| all.saturating_mul(t.parts));
+        if parts > MAX_PARTS {
+            return Err(ConfigError::Range {
+                field: "search.aim.targets".into(),
+                value: format!("{parts} combinations of parts"),
+                allowed: format!("at most {MAX_PARTS}, all parts multiplied"),
+            });
         }
         Ok(())
     }

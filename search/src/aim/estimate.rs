@@ -9,6 +9,7 @@ use nalgebra::DVector;
 
 use super::config::Target;
 use super::process::{Kernel, Process, Projection};
+use super::window::log_within;
 
 /// Standard deviation of what does not repeat from rollout to rollout, in widths of the window.
 const NOISE: f64 = 1.0 / 15.0;
@@ -18,6 +19,9 @@ const ERROR: f64 = 0.5;
 const EVERYWHERE: f64 = std::f64::consts::FRAC_1_SQRT_2;
 /// What is local changes less than what is a slope.
 const LOCAL: f64 = 0.8;
+/// Standard deviation of what a window's edges leave out, in its widths: a measure near an edge is
+/// neither a success for sure nor a failure.
+const EDGE: f64 = 1.0 / 6.0;
 /// A Bayes factor of 20 is strong evidence.
 const STRONG: f64 = 3.0;
 
@@ -26,6 +30,15 @@ const STRONG: f64 = 3.0;
 pub struct Expected {
     pub mean: f64,
     pub variance: f64,
+}
+
+impl Expected {
+    /// Logarithm of the probability of a window, with soft edges.
+    pub fn log_within(&self, [min, max]: [f64; 2]) -> f64 {
+        let deviation = (self.variance + (EDGE * (max - min)).powi(2)).sqrt();
+        let z = |edge: f64| (edge - self.mean) / deviation;
+        log_within(z(min), z(max))
+    }
 }
 
 /// What of a place is kept from step to step.

@@ -1,0 +1,52 @@
+//! Wishes of a session: from which trial on its successes must be like what.
+
+use super::rows::{insert_search, integer, signed};
+use super::{Store, StoreError};
+use crate::wish::{Wish, Wishes};
+use search::SearchSnapshot;
+
+/// Wish of the trials beyond `after`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct WishFrom {
+    pub after: u64,
+    /// Empty where nothing is wished for any more.
+    pub text: String,
+}
+
+impl Store {
+    /// All of them, the oldest first.
+    pub fn wishes(&self) -> Result<Wishes, StoreError> {
+        let query = "SELECT after, text FROM wishes ORDER BY after";
+        let mut statement = self.sql(self.connection.prepare(query))?;
+        let rows = self.sql(statement.query_map([], |row| {
+            Ok(WishFrom { after: integer(row.get(0)?), text: row.get(1)? })
+        }))?;
+        let parse = |row: rusqlite::Result<WishFrom>| {
+            let WishFrom { after, text } = self.sql(row)?;
+            let wish = (!text.is_empty()).then(|| Wish::parse(&text, &self.meta.measures));
+            let wish = wish.transpose().map_err(|e| self.corrupt(format!("wish `{text}`: {e}")))?;
+            Ok((after, wish))
+        };
+        rows.map(parse).collect::<Result<_, StoreError>>().map(Wishes::of)
+    }
+
+    /// From the next trial on. A proposal that waits was made for another wish and is forgotten; `search` is
+    /// what the stored trials say to this one.
+    pub fn put_wish(&mut self, text: &str, search: &SearchSnapshot) -> Result<(), StoreError> {
+        let after = self.trial_count()?;
+        self.transaction(|transaction| {
+            let beyond = [signed(after)];
+            transaction.execute("DELETE FROM proposals WHERE rollout > ?1", beyond)?;
+            let query = "DELETE FROM policies WHERE rollout > ?1 AND kind = 'trial'";
+            transaction.execute(query, beyond)?;
+            transaction.execute("DELETE FROM wishes WHERE after = ?1", beyond)?;
+            let query = "INSERT INTO wishes (after, text) VALUES (?1, ?2)";
+            transaction.execute(query, (signed(after), text))?;
+            if after > 0 {
+                transaction.execute("DELETE FROM searches WHERE rollout = ?1", beyond)?;
+                insert_search(transaction, after, search)?;
+            }
+            Ok(())
+        })
+    }
+}
