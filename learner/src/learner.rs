@@ -30,7 +30,7 @@ use crate::modes::{ModeReport, assess, mode_policy_id};
 use crate::parameters::PolicyIds;
 use crate::path::{PathRow, decimate};
 use crate::problem::Problem;
-use crate::replay::{Replayed, Told, replay, same_bits, told_anew};
+use crate::replay::{Replayed, Told, ask, replay, same_bits, told_anew};
 use crate::store::{Event, SessionMeta, Step, Store, TrialRecord};
 use crate::summary::{Summary, TrialReport};
 use crate::wish::{Telling, Wish, Wishes};
@@ -331,7 +331,7 @@ impl Learner {
     }
 
     fn propose(&mut self, rollout: u64) -> (Proposal, PolicyMsg) {
-        let proposal = self.search.ask(rollout);
+        let proposal = ask(&mut self.search, &self.problem, &self.wishes, &self.trials, rollout);
         let policy = self.problem.decode(&proposal.theta, self.ids(rollout, rollout));
         (proposal, policy)
     }

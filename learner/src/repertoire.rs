@@ -12,7 +12,7 @@ use crate::store::TrialRecord;
 use crate::wish::Wish;
 
 /// ℓ, in units of exploration.
-const NEAR: f64 = 0.5;
+const NEAR: f64 = 0.8;
 
 /// The policy for a wish.
 #[derive(Clone, Debug, PartialEq)]
@@ -146,7 +146,7 @@ mod tests {
         let mut trials = vec![trial(1, [2.9, 9.0], true)];
         for k in 0..12 {
             let x = f64::from(k) * 0.25;
-            for (y, success) in [(-0.8, false), (-0.2, true), (0.2, true), (0.8, false)] {
+            for (y, success) in [(-2.0, false), (-0.2, true), (0.2, true), (2.0, false)] {
                 trials.push(trial(trials.len() as u64 + 1, [x, y], success));
             }
         }
@@ -187,6 +187,7 @@ mod tests {
         let space = Space::along(DVector::zeros(2), along).unwrap();
         let trials = [trial(1, [0.0, 0.0], true), trial(2, [0.0, 3.0], false)];
         let served = serve(&space, &trials, &wish("true")).unwrap();
-        assert_eq!((served.chance, served.rollout), (0.5, 1));
+        assert_eq!(served.rollout, 1);
+        assert!((served.chance - 0.5).abs() < 1e-9);
     }
 }

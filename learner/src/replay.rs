@@ -7,9 +7,11 @@ use crate::demonstration::Demonstration;
 use crate::error::LearnerError;
 use crate::prediction::Predictor;
 use crate::problem::Problem;
+use crate::repertoire::serve;
 use crate::store::{Store, TrialRecord};
 use crate::wish::{Telling, Wish, Wishes};
 use search::AskTell;
+use search::trial::Proposal;
 
 /// A session brought back.
 pub struct Replayed {
@@ -54,11 +56,12 @@ pub fn replay(
     let mut search = AskTell::new(problem.search(config));
     let mut telling = Telling::new(wishes.of_rollout(1));
     for (trial, rollout) in trials.iter().zip(1..) {
+        let before = &trials[..rollout as usize - 1];
         if wishes.changes_at(rollout) {
-            let before = &trials[..rollout as usize - 1];
             (search, telling) = told_anew(config, problem, wishes.of_rollout(rollout), before)?;
         }
-        if trial.rollout != rollout || !same_bits(&search.ask(rollout).theta, &trial.theta) {
+        let asked = ask(&mut search, problem, wishes, before, rollout).theta;
+        if trial.rollout != rollout || !same_bits(&asked, &trial.theta) {
             return Err(LearnerError::NotReproduced { rollout });
         }
         if !trial.set_aside {
@@ -70,6 +73,23 @@ pub fn replay(
         return told_anew(config, problem, wishes.last(), trials);
     }
     Ok((search, telling))
+}
+
+/// What is executed as `rollout` after `trials`: a proposal of the search, but first of all under a new wish
+/// what the repertoire has for it.
+pub fn ask(
+    search: &mut AskTell,
+    problem: &Problem,
+    wishes: &Wishes,
+    trials: &[TrialRecord],
+    rollout: u64,
+) -> Proposal {
+    let proposal = search.ask(rollout);
+    let wish = wishes.of_rollout(rollout).filter(|_| wishes.changes_at(rollout));
+    match wish.map(|wish| serve(&problem.spaces[0], trials, wish)) {
+        Some(Ok(served)) => Proposal { theta: served.theta, ..proposal },
+        _ => proposal,
+    }
 }
 
 /// A search of its own that is told `trials` under another `wish` than the one they were proposed for.

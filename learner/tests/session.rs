@@ -382,3 +382,80 @@ fn the_mean_is_stored_as_a_policy_of_no_rollout() {
     assert_eq!(mode_policy(&mut learner), mean);
     assert_eq!(learner.store().policy(mean.policy_id).unwrap(), Some(mean));
 }
+
+/// Resumed with a wish, a session goes on with what its repertoire has for it, and the search with what the
+/// trials so far look like under it; stopped again, it is the same.
+#[test]
+fn a_wish_holds_from_where_a_session_is_resumed_with_it() {
+    let (split, directory) = (TempDir::new().unwrap(), TempDir::new().unwrap());
+    let (mut whole, mut parts) = (create(split.path(), config(5)), create(directory.path(), config(5)));
+    run(&mut whole, 40);
+    run(&mut parts, 40);
+    let successes = |learner: &Learner| learner.trials().iter().filter(|t| t.success).count();
+    let highest = parts.trials().iter().filter(|trial| trial.success);
+    let heights: Vec<f64> = highest.map(|trial| trial.measures.get("apex_m").unwrap()).collect();
+    let middle = heights.iter().sum::<f64>() / heights.len() as f64;
+    let (wish, before) = (format!("apex_m < {middle}"), successes(&parts));
+    let pending = parts.next_policy().unwrap();
+
+    let wished = |wish: &str| LearnerConfig { wish: wish.into(), ..config(5) };
+    drop((whole, parts));
+    let resumed = |directory: &TempDir, wish: &str| {
+        let (path, of) = (directory.path(), [demonstration()]);
+        Learner::resume(path, "pancake", &wished(wish), &of, judge()).unwrap()
+    };
+    let (mut whole, mut parts) = (resumed(&split, &wish), resumed(&directory, &wish));
+    assert_ne!(parts.next_policy().unwrap(), pending, "that was made without a wish");
+    let text = format!("from rollout 41 on a success must be so: `{wish}`");
+    assert!(parts.store().events().unwrap().iter().any(|event| event.text == text));
+
+    run(&mut whole, 80);
+    run(&mut parts, 41);
+    let first = parts.trials()[40].clone();
+    assert!(first.success && first.measures.get("apex_m").unwrap() < middle, "from the repertoire");
+    assert_eq!(successes(&parts), before + 1, "what was a success stays one");
+    run(&mut parts, 55);
+    drop(parts);
+    let mut parts = resumed(&directory, &wish);
+    run(&mut parts, 80);
+    assert_eq!(theta_bits(&parts), theta_bits(&whole));
+    let missed = |trial: &&learner::store::TrialRecord| trial.judged_success && !trial.success;
+    let under: Vec<_> = parts.trials()[40..].iter().collect();
+    let as_wished = |n: &f64| *n < middle;
+    for trial in &under {
+        let apex_m = trial.measures.get("apex_m").unwrap();
+        assert_eq!(trial.success, trial.judged_success && as_wished(&apex_m));
+    }
+    assert_eq!(parts.trials()[..40].iter().filter(missed).count(), 0);
+    drop(parts);
+
+    // Without a wish again, it learns from all of them.
+    let mut free = resumed(&directory, "");
+    assert_eq!(free.trials().iter().filter(missed).count(), under_missed(&free));
+    run(&mut free, 90);
+    assert!(free.trials()[80..].iter().all(|trial| trial.success == trial.judged_success));
+}
+
+fn under_missed(learner: &Learner) -> usize {
+    learner.trials()[40..80].iter().filter(|t| t.judged_success && !t.success).count()
+}
+
+#[test]
+fn a_wish_that_cannot_be_is_refused_and_changes_nothing() {
+    let directory = TempDir::new().unwrap();
+    let mut learner = create(directory.path(), config(5));
+    run(&mut learner, 12);
+    drop(learner);
+    let resume = |config: &LearnerConfig| {
+        Learner::resume(directory.path(), "pancake", config, &[demonstration()], judge())
+    };
+    let with = |wish: &str| LearnerConfig { wish: wish.into(), ..config(5) };
+    let error = resume(&with("height < 1")).err().unwrap().to_string();
+    assert!(error.contains("learner.where: there is no measure `height`"), "{error}");
+    assert!(resume(&with("apex_m + 1")).err().unwrap().to_string().contains("learner.where"));
+    let mut by_batch = with("apex_m < 1");
+    by_batch.search.method = Method::Cem;
+    let error = by_batch.validate().unwrap_err().to_string();
+    assert!(error.contains("learner.where is apex_m < 1") && error.contains("use power"), "{error}");
+    assert!(resume(&with("")).unwrap().store().wishes().unwrap().last().is_none());
+}

@@ -244,14 +244,19 @@ impl Search for Aim {
                 estimate.observe(&e, predicted[j], value);
             }
         }
+        if self.cover.n_parts() > 1 {
+            let aimed = self.is_covering().then(|| self.cover.next());
+            let targets = &self.config.targets;
+            let values = trial.measured.iter().copied().collect::<Option<Vec<f64>>>();
+            let is_within = |values: &Vec<f64>| {
+                targets.iter().zip(values).all(|(target, value)| target.contains(*value))
+            };
+            let lies = values.filter(is_within).map(|values| part_of(targets, values));
+            self.cover.tell(aimed, lies, trial.success);
+        }
         if self.is_covering() {
-            self.cover.count(self.cover.next());
             // The next aim at the same part is another policy.
             self.candidates.retain(|candidate| candidate.e != e);
-        }
-        let values = trial.measured.iter().copied().collect::<Option<Vec<f64>>>();
-        if let Some(values) = values.filter(|_| trial.success && self.cover.n_parts() > 1) {
-            self.cover.count(part_of(&self.config.targets, values));
         }
         self.candidates.iter_mut().for_each(|candidate| candidate.meet(&e, trial.success));
         self.told.push((e, trial.success));

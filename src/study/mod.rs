@@ -1,6 +1,7 @@
 //! `skillet study`: many seeds in this process, tables with intervals, the paper's figures.
 
 mod aim;
+mod circumstances;
 mod cmaes;
 mod comparison;
 mod compliance;
@@ -99,6 +100,12 @@ pub const STUDIES: &[Study] = &[
         "flips of every height from one demonstration, asked for by height",
         1,
         repertoire::run_seed,
+    ),
+    table_of(
+        "circumstances",
+        "what a repertoire has when a ceiling comes down, a joint tires, the pan gets heavier",
+        1,
+        circumstances::run_seed,
     ),
     table_of(
         "aim-tasks",

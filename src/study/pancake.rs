@@ -234,6 +234,11 @@ impl Bench {
         Ok(Bench { config, arm, model, world, judge })
     }
 
+    /// With another arm, and another one that the controller takes it for.
+    pub fn with_arm(self, arm: ArmModel, model: ArmModel) -> Bench {
+        Bench { arm, model, ..self }
+    }
+
     /// The world with another pancake: start ±1 cm, mass ±10 %, friction ±20 %.
     pub fn perturbed(&self, seed: u64, draw: u64) -> PancakeConfig {
         let mut rng = stream(seed, draw);

@@ -27,23 +27,26 @@ const TRIED: u64 = 10;
 const FLOOR: [f64; 2] = [0.3, 0.6];
 const WHOLE: [f64; 2] = [0.25, 0.75];
 const TENTHS: usize = 10;
+/// Parts that are covered, two a tenth.
+const PARTS: usize = 20;
 /// Another pancake flies a little higher or lower than the one it was learnt with, m.
 const ABOUT: f64 = 0.02;
+
+/// Measures, success and reward.
+pub type Judged = (Measures, bool, f64);
 
 /// A session at rest: what `--where` chooses from.
 pub struct Learnt {
     pub problem: Problem,
     pub trials: Vec<TrialRecord>,
-    pub mean: DVector<f64>,
 }
 
 pub fn run_seed(seed: u64) -> Result<Vec<Sample>> {
     let mut samples = Vec::new();
-    for (name, configure) in [("cover", cover as fn(&mut Config)), ("power", |_| {})] {
-        let mut config = Config::of_task("pancake");
-        config.plant.dynamics = DynamicsKind::Split;
-        (config.learner.seed, config.learner.rollouts) = (seed, ROLLOUTS);
-        configure(&mut config);
+    let cover = config(seed);
+    let mut power = cover.clone();
+    power.learner.search = Config::of_task("pancake").learner.search;
+    for (name, config) in [("cover", cover), ("power", power)] {
         let bench = Bench::new(config, false)?;
         let learnt = learn(&bench)?;
         samples.push(successes(name, &learnt));
@@ -55,11 +58,15 @@ pub fn run_seed(seed: u64) -> Result<Vec<Sample>> {
 }
 
 /// As in `config/pancake-repertoire.toml`.
-pub fn cover(config: &mut Config) {
+pub fn config(seed: u64) -> Config {
+    let mut config = Config::of_task("pancake");
+    config.plant.dynamics = DynamicsKind::Split;
+    (config.learner.seed, config.learner.rollouts) = (seed, ROLLOUTS);
     let search = &mut config.learner.search;
     search.method = Method::Aim;
     search.aim.then = Then::Cover;
-    search.aim.targets[0] = Target { parts: TENTHS, ..Target::new("apex_m", WHOLE, 0.12) };
+    search.aim.targets[0] = Target { parts: PARTS, ..Target::new("apex_m", WHOLE, 0.12) };
+    config
 }
 
 /// A session as `skillet learn` runs it, without one on disk.
@@ -72,29 +79,29 @@ pub fn learn(bench: &Bench) -> Result<Learnt> {
     let mut trials = Vec::new();
     for rollout in 1..=config.rollouts {
         trial(&mut *search, rollout, |theta| -> Result<Came> {
-            let (measures, success, reward) =
-                measure(bench, &problem, theta, &mut plant)?;
-            trials.push(record(rollout, theta, (measures, success, reward)));
+            let judged = measure(bench, &problem, theta, &mut plant)?;
+            trials.push(record(rollout, theta, judged));
+            let (measures, success, reward) = judged;
             Ok(Came { success, reward, measured: measured(config.search.targets(), &measures) })
         })?;
     }
-    let mean = search.mean().clone();
-    Ok(Learnt { problem, trials, mean })
+    Ok(Learnt { problem, trials })
 }
 
-/// Measures, success and reward of a rollout of θ on `plant`.
+/// What a rollout of θ on `plant` comes to.
 pub fn measure<P: physics::plant::Plant>(
     bench: &Bench,
     problem: &Problem,
     theta: &DVector<f64>,
     plant: &mut P,
-) -> Result<(Measures, bool, f64)> {
+) -> Result<Judged> {
     let records = bench.records(problem, theta, plant)?;
     let policy = bench.policy(problem, theta);
     Ok(bench.judge.judge(&policy, &EpisodeHeader::default(), &records)?)
 }
 
-fn record(rollout: u64, theta: &DVector<f64>, judged: (Measures, bool, f64)) -> TrialRecord {
+/// As a session would store it.
+pub fn record(rollout: u64, theta: &DVector<f64>, judged: Judged) -> TrialRecord {
     let (measures, success, reward) = judged;
     TrialRecord {
         rollout,
@@ -173,10 +180,7 @@ mod tests {
 
     #[test]
     fn the_file_says_what_the_study_learns() {
-        let mut config = Config::of_task("pancake");
-        config.plant.dynamics = DynamicsKind::Split;
-        config.learner.rollouts = ROLLOUTS;
-        cover(&mut config);
+        let config = super::config(1);
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/pancake-repertoire.toml");
         let file = Config::load(Some(&path)).unwrap();
         let targets = |config: &Config| {

@@ -6,9 +6,20 @@ use learner::judge::{Declared, Measurer};
 use nalgebra::{Isometry3, Quaternion, UnitQuaternion, Vector3};
 use physics::arm::{ArmModel, JointVector, kinematics};
 use physics::plant::ObjectState;
-use shm_types::TASK_DIM;
+use shm_types::{MAX_JOINTS, TASK_DIM};
 use shm_types::episode::{EpisodeHeader, FLAG_IN_CONTACT, FLAG_TORQUE_CLIPPED, TickRecord};
 use shm_types::measures::{Measure, Measures, MeasuresError};
+
+/// Names of the joints' highest torques, from the base outwards.
+const TORQUES: [&str; MAX_JOINTS] = [
+    "torque_1_nm",
+    "torque_2_nm",
+    "torque_3_nm",
+    "torque_4_nm",
+    "torque_5_nm",
+    "torque_6_nm",
+    "torque_7_nm",
+];
 
 pub struct Camera {
     model: ArmModel,
@@ -19,6 +30,13 @@ impl Camera {
     /// `record_s` is the time from record to record, s.
     pub fn new(model: &ArmModel, record_s: f64) -> Camera {
         Camera { model: model.clone(), record_s }
+    }
+
+    /// The highest torque of each joint, either way.
+    fn torques(&self, records: &[TickRecord]) -> impl Iterator<Item = Measure<'static>> {
+        let highest = |joint: usize| records.iter().map(|r| r.tau[joint].abs()).fold(0.0, f64::max);
+        let of_joint = move |(joint, name)| Measure { name, unit: "N·m", value: highest(joint) };
+        TORQUES.into_iter().enumerate().map(of_joint)
     }
 
     /// Shows time since the start, s, pose of the tip and the object.
@@ -43,14 +61,15 @@ pub struct Followed<T> {
     /// One that has seen nothing.
     pub tracker: T,
     pub observe: fn(&mut T, f64, &Isometry3<f64>, &ObjectState),
-    /// All there is to say, with the share of ticks in which a torque was clipped.
+    /// All there is to say but the torques, with the share of ticks in which a torque was clipped.
     pub measures: fn(&T, f64) -> Vec<Measure<'static>>,
 }
 
 impl<T: Copy + Send> Measurer for Followed<T> {
     fn declared(&self) -> Declared {
         let nothing = (self.measures)(&self.tracker, 0.0);
-        nothing.iter().map(|measure| (measure.name.into(), measure.unit.into())).collect()
+        let all = nothing.into_iter().chain(self.camera.torques(&[]));
+        all.map(|measure| (measure.name.into(), measure.unit.into())).collect()
     }
 
     fn measure(
@@ -61,7 +80,8 @@ impl<T: Copy + Send> Measurer for Followed<T> {
         let mut tracker = self.tracker;
         let observe = self.observe;
         self.camera.show(records, |t_s, tip, object| observe(&mut tracker, t_s, tip, object));
-        Measures::of((self.measures)(&tracker, clipped_share(records)))
+        let of_task = (self.measures)(&tracker, clipped_share(records));
+        Measures::of(of_task.into_iter().chain(self.camera.torques(records)))
     }
 }
 

@@ -49,6 +49,10 @@ impl Target {
         self.max - self.min
     }
 
+    pub(super) fn contains(&self, value: f64) -> bool {
+        (self.min..=self.max).contains(&value)
+    }
+
     /// The window of one of its parts.
     pub(super) fn part(&self, i: usize) -> [f64; 2] {
         let edge = |i: usize| self.min + self.width() * i as f64 / self.parts as f64;

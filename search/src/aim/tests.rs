@@ -193,6 +193,48 @@ fn power_takes_over_with_a_small_floor_after_enough_successes() {
     assert!(successes.iter().any(|trial| (&trial.theta - search.mean()).norm() < 1.0));
 }
 
+/// Measured: every part of the first window in 37 to 54 trials.
+#[test]
+fn every_part_of_a_window_is_succeeded_in() {
+    let mut covering = config();
+    covering.aim.then = Then::Cover;
+    covering.aim.targets[0].parts = 6;
+    for seed in 0..5 {
+        let (search, trials) = run(&covering, seed, space(), 90);
+        let mut hit = [0; 6];
+        for trial in trials.iter().filter(|trial| trial.success) {
+            hit[((trial.measured[0].unwrap() - 0.7) / 0.1).min(5.0) as usize] += 1;
+        }
+        assert!(hit.iter().all(|n| *n >= 3), "seed {seed}: {hit:?}");
+        assert!(succeeds(&world(search.mean())), "the answer is one of them");
+        let again = run(&covering, seed, space(), 90).1;
+        assert_eq!(again, trials);
+    }
+}
+
+/// What is wished for changes: of a history told anew only the low ones succeed any more.
+#[test]
+fn a_part_in_which_nothing_succeeds_any_more_is_given_up() {
+    let mut covering = config();
+    covering.aim.then = Then::Cover;
+    covering.aim.targets[0].parts = 6;
+    let (_, trials) = run(&covering, 3, space(), 90);
+    let is_low = |trial: &Trial| trial.measured[0].is_some_and(|a| a < 1.0);
+    let mut search = build(&covering, 3, space());
+    for trial in trials {
+        let success = trial.success && is_low(&trial);
+        search.tell(&Trial { success, ..trial });
+    }
+    let mut n_low = 0;
+    for rollout in 91..=110 {
+        let trial = trial(rollout, search.ask(rollout).theta);
+        let success = trial.success && is_low(&trial);
+        n_low += u64::from(success);
+        search.tell(&Trial { success, ..trial });
+    }
+    assert!(n_low >= 14, "{n_low} of 20");
+}
+
 #[test]
 fn bad_settings_are_refused_with_what_to_do() {
     let with = |change: &dyn Fn(&mut AimConfig)| {
@@ -205,6 +247,9 @@ fn bad_settings_are_refused_with_what_to_do() {
     assert!(error.contains("for b a min below max = 0.8"), "{error}");
     assert!(with(&|aim| aim.targets[0].max = f64::NAN).contains("finite numbers"));
     assert!(with(&|aim| aim.targets[0].scale = 0.0).contains("targets[0].scale is 0"));
+    assert!(with(&|aim| aim.targets[0].parts = 0).contains("targets[0].parts is 0"));
+    let many = with(&|aim| aim.targets.iter_mut().for_each(|target| target.parts = 20));
+    assert!(many.contains("400 combinations of parts"), "{many}");
     assert!(with(&|aim| aim.candidates = 0).contains("learner.search.aim.candidates is 0"));
     assert!(with(&|aim| aim.targets.clear()).contains("aim.targets is empty: use one target"));
     let mut unused = config();

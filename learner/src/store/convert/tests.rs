@@ -1,4 +1,4 @@
-//! A session as format 3 wrote it, opened.
+//! Sessions as formats 3 and 4 wrote them, opened.
 
 use rusqlite::{Connection, OpenFlags};
 use shm_types::policy::PolicyMsg;
@@ -110,6 +110,21 @@ fn a_world_without_an_arm_keeps_its_number_under_its_name() {
         let first = &store.trials().unwrap()[0];
         assert_eq!((first.measures.len(), first.measures.get(name)), (1, Some(0.25)));
     }
+}
+
+#[test]
+fn a_session_of_format_4_gets_a_place_for_wishes() {
+    let directory = TempDir::new().unwrap();
+    let path = session(&directory, "pancake");
+    let trials = Store::open(&path).unwrap().trials().unwrap();
+    let connection = Connection::open(&path).unwrap();
+    connection.execute_batch("DROP TABLE wishes").unwrap();
+    connection.pragma_update(None, "user_version", WITHOUT_WISHES).unwrap();
+    drop(connection);
+    let store = Store::open(&path).unwrap();
+    assert_eq!(format(&path), FORMAT_VERSION);
+    assert!(store.wishes().unwrap().last().is_none());
+    assert_eq!(store.trials().unwrap(), trials);
 }
 
 #[test]
