@@ -295,6 +295,11 @@ impl Learner {
         self.trials.len() as u64 >= self.config.rollouts
     }
 
+    /// A success of this rollout had to be as wished.
+    pub fn is_under_wish(&self, rollout: u64) -> bool {
+        self.wishes.of_rollout(rollout).is_some()
+    }
+
     /// Rollouts the session is to have.
     pub fn rollouts(&self) -> u64 {
         self.config.rollouts

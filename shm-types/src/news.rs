@@ -18,6 +18,8 @@ pub const TRIAL_SUCCESS: u64 = 1;
 pub const TRIAL_SET_ASIDE: u64 = 2;
 /// The mean of the search was executed, not a draw around it.
 pub const TRIAL_MEAN: u64 = 4;
+/// Its success had to be as the session was wished to go on.
+pub const TRIAL_UNDER_WISH: u64 = 8;
 
 message! {
     /// One mode of the search, in the order of falling priors.

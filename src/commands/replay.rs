@@ -30,7 +30,8 @@ pub fn run(args: &ReplayArgs) -> Result<Verdict> {
     if args.all {
         return all(&store, &config, &trials, args.json);
     }
-    let rollout = args.trial.unwrap_or_else(|| best(&trials));
+    let wishes = store.wishes()?;
+    let rollout = args.trial.unwrap_or_else(|| best(&trials, wishes.last()));
     let trial = trials.iter().find(|trial| trial.rollout == rollout).with_context(|| {
         format!("{}: has no trial {rollout}, but 1..={}", args.session.display(), trials.len())
     })?;
@@ -94,7 +95,7 @@ impl Replayed {
         };
         self.measures.declared() == trial.measures.declared()
             && bits(&self.measures) == bits(&trial.measures)
-            && self.success == trial.success
+            && self.success == trial.judged_success
             && self.reward.to_bits() == trial.reward.to_bits()
             && self.fault == trial.fault
             && self.records.len() as u64 == trial.n_records

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use learner::store::{Store, TrialRecord};
+use learner::wish::{Wish, Wishes};
 use learner::summary::Summary;
 use rt_controller::disk::timing_file::{LoopTiming, TimingFile};
 use serde_json::json;
@@ -62,7 +63,8 @@ fn gather(folder: &SessionFolder, notes: &[(String, String)]) -> Result<ReportDa
     let store = open(folder.dir(), &folder.database())?;
     let trials = store.trials()?;
     let initial = store.initial_policy()?;
-    let learnt_rollout = best(&trials);
+    let wishes = store.wishes()?;
+    let learnt_rollout = best(&trials, wishes.last());
     let learnt = match trials.iter().find(|trial| trial.rollout == learnt_rollout) {
         Some(trial) => store.policy(trial.policy_id)?.unwrap_or(initial),
         None => initial,
@@ -80,7 +82,7 @@ fn gather(folder: &SessionFolder, notes: &[(String, String)]) -> Result<ReportDa
         initial_path: store.path(1)?.unwrap_or_default(),
         learnt_path: store.path(learnt_rollout)?.unwrap_or_default(),
         learnt_measures: measures_of(learnt_rollout).unwrap_or(Measures::NONE),
-        notes: notes.to_vec(),
+        notes: [wishes_text(&wishes), notes.to_vec()].concat(),
         modes: modes::rows(&store, config.learner.prefer)?,
         timing: timing(&folder.timing()),
         pictures: (task.pictures)(&config),
@@ -120,9 +122,21 @@ fn name_of(path: &Path) -> String {
     path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// The rollout shown as "learnt": the best success, or the best reward when there is none.
-pub fn best(trials: &[TrialRecord]) -> u64 {
-    let caught: Vec<TrialRecord> = trials.iter().filter(|t| t.success).cloned().collect();
+/// What was wished for, and from when on.
+fn wishes_text(wishes: &Wishes) -> Vec<(String, String)> {
+    let row = |(rollout, text): (u64, &str)| {
+        let text = if text.is_empty() { "anything that succeeds" } else { text };
+        (format!("wished from rollout {rollout} on"), text.to_string())
+    };
+    wishes.texts().map(row).collect()
+}
+
+/// The rollout shown as "learnt": the best success as it is wished for now, or the best reward when there is
+/// none.
+pub fn best(trials: &[TrialRecord], wish: Option<&Wish>) -> u64 {
+    let is_as_wished = |t: &&TrialRecord| wish.is_none_or(|wish| wish.holds(&t.measures));
+    let caught: Vec<TrialRecord> =
+        trials.iter().filter(|t| t.judged_success).filter(is_as_wished).cloned().collect();
     let candidates = if caught.is_empty() { trials } else { &caught };
     Summary::of(candidates).best_rollout.unwrap_or(1)
 }

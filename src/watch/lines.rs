@@ -67,6 +67,7 @@ pub fn json(model: &Model, watcher: &Watcher) -> String {
         "best_reward": best.map(|(_, reward)| reward),
         "best_rollout": best.map(|(rollout, _)| rollout),
         "success_last20": session.success_last20(),
+        "under_wish_since": session.wished_since(),
         "modes": session.modes.len(),
         "measures": session.measures.map(|measures| -> serde_json::Map<_, _> {
             measures.iter().map(|measure| (measure.name.to_string(), json!(measure.value))).collect()

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
 use shm_types::measures::Measures;
-use shm_types::news::{MeasuresNews, ModeNews, TRIAL_MEAN, TRIAL_SUCCESS, TrialNews};
+use shm_types::news::{MeasuresNews, ModeNews, TRIAL_MEAN, TRIAL_SUCCESS, TRIAL_UNDER_WISH, TrialNews};
 
 /// Trials remembered.
 const TRIALS: usize = 1000;
@@ -16,6 +16,7 @@ pub struct Trial {
     pub reward: f64,
     pub success: bool,
     pub is_mean: bool,
+    pub is_under_wish: bool,
 }
 
 /// What is told first are trials of before, however old.
@@ -53,8 +54,9 @@ impl WatchedSession {
             }
             let success = news.has(TRIAL_SUCCESS);
             let is_mean = news.has(TRIAL_MEAN);
+            let is_under_wish = news.has(TRIAL_UNDER_WISH);
             let (rollout, reward) = (news.rollout, news.reward);
-            self.trials.push_back(Trial { rollout, reward, success, is_mean });
+            self.trials.push_back(Trial { rollout, reward, success, is_mean, is_under_wish });
             if self.trials.len() > TRIALS {
                 self.trials.pop_front();
             }
@@ -77,6 +79,12 @@ impl WatchedSession {
         let told = self.modes.iter().filter(|mode| mode.best_rollout > 0);
         let told = told.map(|mode| (mode.best_rollout, mode.best_reward));
         seen.chain(told).reduce(|a, b| if b.1 > a.1 { b } else { a })
+    }
+
+    /// The rollout from which on the session's successes must be as wished.
+    pub fn wished_since(&self) -> Option<u64> {
+        let wished = self.trials.iter().rev().take_while(|trial| trial.is_under_wish);
+        wished.last().map(|trial| trial.rollout)
     }
 
     /// Since the newest trial, unless it is from before anybody watched.
@@ -128,6 +136,11 @@ mod tests {
         judged.modes[0] = ModeNews { best_rollout: 3, best_reward: 4.0, ..ModeNews::ZERO };
         watched.take(&judged);
         assert_eq!(watched.best(), Some((3, 4.0)), "from before anybody watched");
+        assert_eq!(watched.wished_since(), None);
+        for rollout in 11..14 {
+            watched.take(&TrialNews { flags: TRIAL_UNDER_WISH, ..news(1, rollout, 0.1) });
+        }
+        assert_eq!(watched.wished_since(), Some(11));
         watched.take(&news(2, 1, 0.3));
         assert_eq!((watched.trials.len(), watched.best()), (1, Some((1, 0.3))), "another session");
     }

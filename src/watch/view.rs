@@ -196,7 +196,7 @@ fn reward(frame: &mut Frame, model: &Model, area: Rect) {
         .collect();
     let title = match model.session.best() {
         Some((rollout, reward)) => format!(
-            " reward: best {:.3} at rollout {}, {:.0} % of the last 20 draws succeed, {} of {}{} ",
+            " reward: best {:.3} at rollout {}, {:.0} % of the last 20 draws succeed, {} of {}{}{} ",
             reward,
             rollout,
             100.0 * model.session.success_last20(),
@@ -205,6 +205,10 @@ fn reward(frame: &mut Frame, model: &Model, area: Rect) {
             match model.session.trial_age() {
                 Some(age) if age >= OLD => format!(", {:.0} s ago", age.as_secs_f64()),
                 _ => String::new(),
+            },
+            match model.session.wished_since() {
+                Some(rollout) => format!(", under a wish since {rollout}"),
+                None => String::new(),
             }
         ),
         None => " reward: no trial yet ".into(),
@@ -289,7 +293,7 @@ mod tests {
         let status = Status { latched_fault: FAULT_HELD, learner_age_ns: 0, ..Status::ZERO };
         model.vitals.answered(status);
         let trial =
-            |rollout, reward| Trial { rollout, reward, success: reward > 1.0, is_mean: false };
+            |rollout, reward| Trial { rollout, reward, success: reward > 1.0, is_mean: false, is_under_wish: false };
         model.session.trials.extend([trial(1, 0.5), trial(2, 1.5)]);
         model.session.rollouts = 10;
         let text = drawn(&model, &Prompt::None);

@@ -3,7 +3,7 @@
 use shm_types::SCHEMA;
 use shm_types::news::{
     MAX_MODES, MeasuresNews, ModeNews, TOLERANCE_UNKNOWN, TRIAL_HISTORY, TRIAL_MEAN,
-    TRIAL_SET_ASIDE, TRIAL_SUCCESS, TrialNews,
+    TRIAL_SET_ASIDE, TRIAL_SUCCESS, TRIAL_UNDER_WISH, TrialNews,
 };
 use shm_types::ports::LearnerPorts;
 
@@ -61,7 +61,8 @@ impl News {
             fault: trial.fault,
             flags: flag(TRIAL_SUCCESS, trial.success)
                 | flag(TRIAL_SET_ASIDE, trial.set_aside)
-                | flag(TRIAL_MEAN, trial.is_mean),
+                | flag(TRIAL_MEAN, trial.is_mean)
+                | flag(TRIAL_UNDER_WISH, learner.is_under_wish(trial.rollout)),
             reward: trial.reward,
             n_modes: self.modes.len() as u64,
             modes,
