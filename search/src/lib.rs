@@ -30,7 +30,7 @@ pub mod rwr;
 mod several;
 mod space;
 pub mod split_merge;
-mod subspace;
+pub mod subspace;
 pub mod tempered;
 pub mod trial;
 #[cfg(test)]

@@ -5,8 +5,9 @@ use nalgebra::{DMatrix, DVector};
 use super::{Mode, Prediction, RewardError, Search, SearchSnapshot, Space};
 use crate::trial::{Proposal, Trial};
 
-/// The search over e (k numbers from 0) that is a search over θ (D numbers) from outside.
-pub(super) struct Subspace {
+/// The search over e (k numbers from 0) that is a search over θ (D numbers) from outside. [`crate::build`]
+/// wraps the methods of this crate in it; a search of another crate has to be wrapped by hand.
+pub struct Subspace {
     inner: Box<dyn Search>,
     space: Space,
     /// L⁺ (k×D): e = L⁺(θ − θ₀) by least squares.

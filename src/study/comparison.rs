@@ -5,7 +5,7 @@ use anyhow::Result;
 use search::{Method, SearchConfig, build};
 
 use super::Sample;
-use super::contender::{self, CONTENDERS};
+use super::contender::{self, CONTENDERS, TEN_WIDE};
 use super::world::{TASKS, Task};
 
 /// Methods of ours, with their default settings.
@@ -40,7 +40,7 @@ pub fn run_seed(seed: u64) -> Result<Vec<Sample>> {
         });
         let others = CONTENDERS.map(|(name, contender)| {
             let chosen = setting(name, task);
-            (name, contender::search(contender, chosen, seed, task.space()))
+            (name, contender::search(contender, chosen, TEN_WIDE, seed, task.space()))
         });
         for (name, mut search) in ours.chain(others) {
             let trials = task.run(&mut *search);

@@ -16,6 +16,7 @@ mod niching;
 mod pancake;
 mod peaks;
 mod repertoire;
+mod robots;
 mod run;
 mod runner;
 mod runs;
@@ -167,6 +168,18 @@ pub const STUDIES: &[Study] = &[
         cost::run_seed,
     ),
     table_of("tune", "the settings drawn for each method of the comparison", 2, tune::run_seed),
+    table_of(
+        "robots",
+        "every method with tuned settings, on tasks with an arm and on the obstacle",
+        1,
+        robots::run_seed,
+    ),
+    table_of(
+        "robots-tune",
+        "the settings drawn for each method of the study robots",
+        1,
+        robots::run_tuning_seed,
+    ),
     table_of("niching", "all optima of the CEC 2013 functions F1 to F10", 2, niching::run_seed),
     table_of(
         "regions",

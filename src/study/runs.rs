@@ -77,6 +77,12 @@ pub fn late_reward(trials: &[Trial]) -> f64 {
     late.iter().map(|trial| trial.reward).sum::<f64>() / late.len() as f64
 }
 
+/// Share of successes among them.
+pub fn late_success(trials: &[Trial]) -> f64 {
+    let late = &trials[trials.len() - LATE..];
+    late.iter().filter(|trial| trial.success).count() as f64 / late.len() as f64
+}
+
 /// The highest reward of a trial.
 pub fn best_reward(trials: &[Trial]) -> f64 {
     trials.iter().map(|trial| trial.reward).fold(0.0, f64::max)

@@ -6,14 +6,14 @@ use std::collections::{BTreeMap, BTreeSet};
 use anyhow::Result;
 use learner::problem::Problem;
 use learner::targets::measured;
-use search::Method;
 use search::trial::Trial;
+use search::{Method, Search};
 use shm_types::policy::PolicyMsg;
 
 use super::Sample;
 use super::runs::{Came, session};
 use crate::config::Config;
-use crate::tasks::executor::{Executor, executor};
+use crate::tasks::executor::executor;
 use crate::tasks::{self, Task};
 use crate::{judging, setup};
 
@@ -40,7 +40,7 @@ pub fn run_aim_arm_seed(seed: u64) -> Result<Vec<Sample>> {
 }
 
 /// Learns from measures, where the task says what to aim at.
-fn aims(config: &mut Config) -> bool {
+pub fn aims(config: &mut Config) -> bool {
     config.learner.search.method = Method::Aim;
     !config.learner.search.aim.targets.is_empty()
 }
@@ -63,7 +63,7 @@ fn run(
                 if !configure(&mut config) {
                     continue;
                 }
-                let learnt = learn(&config, &mut *executor(&config)?)?;
+                let learnt = learn(&config, |problem| problem.search(&config.learner))?;
                 samples.extend(summary(&name, success, &learnt.trials));
                 let ways = learnt.ways.map(|ways| Sample::mean(&name, "ways found", ways as f64));
                 samples.extend(ways);
@@ -82,13 +82,14 @@ fn variants(task: &Task) -> Vec<BTreeMap<String, String>> {
 }
 
 /// What a session came to: its trials, and in how many ways it succeeded where they are told apart.
-struct Learnt {
-    trials: Vec<Trial>,
+pub struct Learnt {
+    pub trials: Vec<Trial>,
     ways: Option<usize>,
 }
 
-fn learn(config: &Config, execute: &mut Executor) -> Result<Learnt> {
-    let judge = judging::judge(config)?;
+/// A session with the search that `search` makes of its problem.
+pub fn learn(config: &Config, search: impl FnOnce(&Problem) -> Box<dyn Search>) -> Result<Learnt> {
+    let (judge, mut execute) = (judging::judge(config)?, executor(config)?);
     let problem = match config.has_arm() {
         true => Problem::new(&config.learner, &setup::demonstrations(config)?)?,
         false => {
@@ -96,7 +97,8 @@ fn learn(config: &Config, execute: &mut Executor) -> Result<Learnt> {
             Problem::around(&start, &config.learner, &[])?
         }
     };
-    let mut search = problem.search(&config.learner);
+    let problem = problem.with_prediction(&config.learner, judge.predictor());
+    let mut search = search(&problem);
     let knows_ways = judge.declared().iter().any(|(name, _)| name == WAY);
     let mut ways = BTreeSet::new();
     let trials = session(&mut *search, config.learner.rollouts, |_, theta| {

@@ -6,7 +6,7 @@
 use anyhow::Result;
 
 use super::Sample;
-use super::contender::{self, CONTENDERS, N_SETTINGS};
+use super::contender::{self, CONTENDERS, N_SETTINGS, TEN_WIDE};
 use super::world::{TASKS, Task};
 
 pub fn run_seed(seed: u64) -> Result<Vec<Sample>> {
@@ -14,7 +14,8 @@ pub fn run_seed(seed: u64) -> Result<Vec<Sample>> {
     for (name, contender) in CONTENDERS {
         for setting in 0..N_SETTINGS {
             for task in TASKS {
-                let mut search = contender::search(contender, setting, seed, task.space());
+                let mut search =
+                    contender::search(contender, setting, TEN_WIDE, seed, task.space());
                 let trials = task.run(&mut *search);
                 let group = match task {
                     Task::Skittles(_) => "skittles",
