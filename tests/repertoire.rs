@@ -64,7 +64,9 @@ fn a_session_goes_on_under_a_wish_to_the_same_bits_and_says_so() {
         let is_wished = i < 30 || apex(i) < 0.45;
         assert_eq!(trial.success, trial.judged_success && is_wished, "trial {}", i + 1);
     }
-    assert!(trials[..30].iter().any(|trial| trial.success && apex(trial.rollout as usize - 1) > 0.45));
+    assert!(
+        trials[..30].iter().any(|trial| trial.success && apex(trial.rollout as usize - 1) > 0.45)
+    );
 
     let report = std::fs::read_to_string(bench.path("s/report/index.html")).unwrap();
     assert!(report.contains("wished from rollout 31 on"), "the report says so");

@@ -109,9 +109,10 @@ impl LearnerConfig {
             return Err(ConfigError::Range {
                 field: "where".into(),
                 value: self.wish.clone(),
-                allowed: "nothing with a search that learns only from its own proposals; use power \
+                allowed:
+                    "nothing with a search that learns only from its own proposals; use power \
                           or aim as learner.search.method"
-                    .into(),
+                        .into(),
             });
         }
         self.search.validate()

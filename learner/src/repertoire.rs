@@ -57,8 +57,9 @@ pub fn serve(space: &Space, trials: &[TrialRecord], wish: &Wish) -> Result<Serve
     let chance = |a: &DVector<f64>| near(a, &ours) / (1.0 + near(a, &all));
     let chances: Vec<f64> = ours.iter().map(chance).collect();
     // The first of equals.
-    let best =
-        (0..ok.len()).reduce(|a, b| if chances[b] > chances[a] { b } else { a }).expect("not empty");
+    let best = (0..ok.len())
+        .reduce(|a, b| if chances[b] > chances[a] { b } else { a })
+        .expect("not empty");
 
     let mut theta = DVector::zeros(space.dim());
     for (trial, place) in ok.iter().zip(&ours) {
@@ -175,8 +176,10 @@ mod tests {
         let error = serve(&space, &trials(), &wish("apex_m > 0.9")).unwrap_err().to_string();
         assert!(error.contains("none of the 25 rollouts") && error.contains("apex_m > 0.9"));
         assert!(error.contains("apex_m lies between 0.400 and 0.690"), "{error}");
-        let none: Vec<_> =
-            trials().into_iter().map(|trial| TrialRecord { judged_success: false, ..trial }).collect();
+        let none: Vec<_> = trials()
+            .into_iter()
+            .map(|trial| TrialRecord { judged_success: false, ..trial })
+            .collect();
         assert_eq!(serve(&space, &none, &wish("true")).unwrap_err(), Unserved::NoSuccess);
     }
 

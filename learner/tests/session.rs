@@ -388,7 +388,8 @@ fn the_mean_is_stored_as_a_policy_of_no_rollout() {
 #[test]
 fn a_wish_holds_from_where_a_session_is_resumed_with_it() {
     let (split, directory) = (TempDir::new().unwrap(), TempDir::new().unwrap());
-    let (mut whole, mut parts) = (create(split.path(), config(5)), create(directory.path(), config(5)));
+    let (mut whole, mut parts) =
+        (create(split.path(), config(5)), create(directory.path(), config(5)));
     run(&mut whole, 40);
     run(&mut parts, 40);
     let successes = |learner: &Learner| learner.trials().iter().filter(|t| t.success).count();
@@ -456,6 +457,9 @@ fn a_wish_that_cannot_be_is_refused_and_changes_nothing() {
     let mut by_batch = with("apex_m < 1");
     by_batch.search.method = Method::Cem;
     let error = by_batch.validate().unwrap_err().to_string();
-    assert!(error.contains("learner.where is apex_m < 1") && error.contains("use power"), "{error}");
+    assert!(
+        error.contains("learner.where is apex_m < 1") && error.contains("use power"),
+        "{error}"
+    );
     assert!(resume(&with("")).unwrap().store().wishes().unwrap().last().is_none());
 }

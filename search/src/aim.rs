@@ -107,7 +107,19 @@ impl Aim {
         let (candidates, told) = (Vec::new(), Vec::new());
         let (n_successes, last) = (0, 0);
         let cover = Cover::new(if config.then == Then::Cover { &config.targets } else { &[] });
-        Aim { config, seed, space, estimates, candidates, told, cover, n_successes, last, mean, power }
+        Aim {
+            config,
+            seed,
+            space,
+            estimates,
+            candidates,
+            told,
+            cover,
+            n_successes,
+            last,
+            mean,
+            power,
+        }
     }
 
     fn is_covering(&self) -> bool {
@@ -151,7 +163,8 @@ impl Aim {
         let predicted = self.predicted(&theta);
         let places = vec![Place::default(); self.estimates.len()];
         let (tried, succeeded, score, aimed, part) = (0.0, 0.0, 0.0, 0.0, 0);
-        let mut candidate = Candidate { e, predicted, places, tried, succeeded, score, aimed, part };
+        let mut candidate =
+            Candidate { e, predicted, places, tried, succeeded, score, aimed, part };
         self.told.iter().for_each(|(e, success)| candidate.meet(e, *success));
         self.candidates.push(candidate);
     }

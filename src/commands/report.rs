@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use learner::store::{Store, TrialRecord};
-use learner::wish::{Wish, Wishes};
 use learner::summary::Summary;
+use learner::wish::{Wish, Wishes};
 use rt_controller::disk::timing_file::{LoopTiming, TimingFile};
 use serde_json::json;
 use shm_types::measures::Measures;

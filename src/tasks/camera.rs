@@ -6,9 +6,9 @@ use learner::judge::{Declared, Measurer};
 use nalgebra::{Isometry3, Quaternion, UnitQuaternion, Vector3};
 use physics::arm::{ArmModel, JointVector, kinematics};
 use physics::plant::ObjectState;
-use shm_types::{MAX_JOINTS, TASK_DIM};
 use shm_types::episode::{EpisodeHeader, FLAG_IN_CONTACT, FLAG_TORQUE_CLIPPED, TickRecord};
 use shm_types::measures::{Measure, Measures, MeasuresError};
+use shm_types::{MAX_JOINTS, TASK_DIM};
 
 /// Names of the joints' highest torques, from the base outwards.
 const TORQUES: [&str; MAX_JOINTS] = [

@@ -4,7 +4,9 @@ use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
 use shm_types::measures::Measures;
-use shm_types::news::{MeasuresNews, ModeNews, TRIAL_MEAN, TRIAL_SUCCESS, TRIAL_UNDER_WISH, TrialNews};
+use shm_types::news::{
+    MeasuresNews, ModeNews, TRIAL_MEAN, TRIAL_SUCCESS, TRIAL_UNDER_WISH, TrialNews,
+};
 
 /// Trials remembered.
 const TRIALS: usize = 1000;

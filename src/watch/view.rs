@@ -292,8 +292,13 @@ mod tests {
         assert!(drawn(&model, &Prompt::None).contains("asking the controller"));
         let status = Status { latched_fault: FAULT_HELD, learner_age_ns: 0, ..Status::ZERO };
         model.vitals.answered(status);
-        let trial =
-            |rollout, reward| Trial { rollout, reward, success: reward > 1.0, is_mean: false, is_under_wish: false };
+        let trial = |rollout, reward| Trial {
+            rollout,
+            reward,
+            success: reward > 1.0,
+            is_mean: false,
+            is_under_wish: false,
+        };
         model.session.trials.extend([trial(1, 0.5), trial(2, 1.5)]);
         model.session.rollouts = 10;
         let text = drawn(&model, &Prompt::None);

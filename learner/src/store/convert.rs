@@ -43,8 +43,9 @@ pub(super) fn to_this_format(connection: &mut Connection, path: &Path) -> Result
     // A file that is no session at all is refused when it is opened.
     match (pragma("application_id"), pragma("user_version")) {
         (Ok(APPLICATION_ID), Ok(FORMAT)) => from_format_3(connection, path),
-        (Ok(APPLICATION_ID), Ok(WITHOUT_WISHES)) => from_format_4(connection)
-            .map_err(|error| StoreError::from_sql(path, error)),
+        (Ok(APPLICATION_ID), Ok(WITHOUT_WISHES)) => {
+            from_format_4(connection).map_err(|error| StoreError::from_sql(path, error))
+        }
         _ => Ok(()),
     }
 }

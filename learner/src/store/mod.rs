@@ -21,9 +21,9 @@ use shm_types::policy::PolicyMsg;
 use copy::{SecondCopy, copy_path};
 pub use error::StoreError;
 pub use meta::SessionMeta;
-pub use wishes::WishFrom;
 pub use rows::{Event, PolicyKind, Step, TrialRecord};
 use rows::{insert_event, insert_policy, insert_proposal, insert_search, insert_trial};
+pub use wishes::WishFrom;
 
 use search::trial::Proposal;
 use shm_types::policy_json;
