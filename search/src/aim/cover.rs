@@ -1,13 +1,14 @@
 //! Covering the windows: which part of them is aimed at next.
 //!
 //! The parts are those of all targets together: three parts of a height and two of a distance are six. The
-//! next one is the part with the fewest trials and successes so far. One in which several trials lie and none
-//! succeeded is given up: whatever succeeds, it does not do so there, or is not wished to any more.
+//! next one is the part with the fewest trials so far; those that lie in it count twice, those that were aimed at
+//! it and missed once. One in which trials lie and none succeeded is given up: whatever succeeds, it does not do
+//! so there, or is not wished to any more.
 
 use super::config::Target;
 
 /// Failures without a success after which a part is given up.
-const GIVE_UP: u64 = 5;
+const GIVE_UP: u64 = 2;
 
 /// What became of the trials of every part.
 #[derive(Clone, Debug)]
@@ -44,7 +45,7 @@ impl Cover {
     pub fn next(&self) -> usize {
         let order = |i: &usize| {
             let part = self.parts[*i];
-            (part.is_given_up(), part.tried + part.succeeded, *i)
+            (part.is_given_up(), part.tried + part.succeeded + part.failed, *i)
         };
         (0..self.parts.len()).min_by_key(order).unwrap_or(0)
     }
