@@ -397,6 +397,7 @@ fn a_wish_holds_from_where_a_session_is_resumed_with_it() {
     let heights: Vec<f64> = highest.map(|trial| trial.measures.get("apex_m").unwrap()).collect();
     let middle = heights.iter().sum::<f64>() / heights.len() as f64;
     let (wish, before) = (format!("apex_m < {middle}"), successes(&parts));
+    let mode = mode_policy(&mut parts);
     let pending = parts.next_policy().unwrap();
 
     let wished = |wish: &str| LearnerConfig { wish: wish.into(), ..config(5) };
@@ -407,6 +408,9 @@ fn a_wish_holds_from_where_a_session_is_resumed_with_it() {
     };
     let (mut whole, mut parts) = (resumed(&split, &wish), resumed(&directory, &wish));
     assert_ne!(parts.next_policy().unwrap(), pending, "that was made without a wish");
+    let (wished_mode, id) = (mode_policy(&mut parts), mode.policy_id);
+    assert!(wished_mode.policy_id == id && wished_mode != mode, "the mode is another one, too");
+    assert_eq!(parts.store().policy(id).unwrap(), Some(wished_mode));
     let text = format!("from rollout 41 on a success must be so: `{wish}`");
     assert!(parts.store().events().unwrap().iter().any(|event| event.text == text));
 

@@ -2,6 +2,7 @@
 
 use super::rows::{insert_search, integer, signed};
 use super::{Store, StoreError};
+use crate::modes::mode_policy_id;
 use crate::wish::{Wish, Wishes};
 use search::SearchSnapshot;
 
@@ -39,6 +40,11 @@ impl Store {
             transaction.execute("DELETE FROM proposals WHERE rollout > ?1", beyond)?;
             let query = "DELETE FROM policies WHERE rollout > ?1 AND kind = 'trial'";
             transaction.execute(query, beyond)?;
+            // So were the modes, whose policies are numbered by trials.
+            transaction.execute("DELETE FROM modes", [])?;
+            let query = "DELETE FROM policies WHERE policy_id BETWEEN ?1 AND ?2 AND kind = 'mode'";
+            let ids = [0, 99].map(|number| signed(mode_policy_id(after, number)));
+            transaction.execute(query, ids)?;
             transaction.execute("DELETE FROM wishes WHERE after = ?1", beyond)?;
             let query = "INSERT INTO wishes (after, text) VALUES (?1, ?2)";
             transaction.execute(query, (signed(after), text))?;
