@@ -16,9 +16,7 @@ pub fn judge(config: &Config) -> Result<Judge> {
     let mut declared = measurer.declared();
     declared.extend(compliance.declared());
     targets::check(config.learner.search.targets(), &declared)?;
-    if !config.learner.wish.is_empty() {
-        Wish::parse(&config.learner.wish, &declared).context("learner.where")?;
-    }
+    Wish::parse_any(&config.learner.wish, &declared).context("learner.where")?;
     let judge = Judge::new(measurer, verdict(config, &declared)?).with_compliance(compliance);
     Ok(judge.with_prediction(task.predictor(config)?))
 }

@@ -119,10 +119,9 @@ impl Learner {
         if found != expected {
             return Err(LearnerError::Judge(JudgeError::OtherMeasures { found, expected }));
         }
-        let Replayed { problem, search, telling, trials } =
+        let Replayed { problem, search, telling, wishes, trials } =
             Replayed::of(&store, demonstrations, judge.predictor(), on_told)?;
-        let config = config.clone();
-        let (wishes, pending) = (store.wishes()?, None);
+        let (config, pending) = (config.clone(), None);
         let mut learner =
             Learner { config, problem, search, telling, wishes, judge, store, trials, pending };
         learner.follow_wish()?;
@@ -141,8 +140,8 @@ impl Learner {
         if self.wishes.last().map_or("", Wish::text) == text {
             return Ok(());
         }
-        let wish = (!text.is_empty()).then(|| Wish::parse(&text, &self.store.meta().measures));
-        let wish = wish.transpose().map_err(|error| LearnerError::Wish(Box::new(error)))?;
+        let wish = Wish::parse_any(&text, &self.store.meta().measures)
+            .map_err(|error| LearnerError::Wish(Box::new(error)))?;
         (self.search, self.telling) =
             told_anew(&self.config, &self.problem, wish.as_ref(), &self.trials)?;
         let next = self.durable_rollout() + 1;

@@ -102,11 +102,8 @@ struct Coordinates {
 impl Coordinates {
     fn of(space: &Space) -> Coordinates {
         let directions = space.exploration.clone();
-        let normal = directions.tr_mul(&directions);
-        let factor = normal.cholesky().expect("directions of a space are independent");
-        let inverse = factor.solve(&directions.transpose());
         let weakest = directions.singular_values().min();
-        Coordinates { directions, inverse, weakest }
+        Coordinates { directions, inverse: space.inverse(), weakest }
     }
 
     fn at(&self, theta: &DVector<f64>) -> DVector<f64> {
@@ -118,28 +115,16 @@ impl Coordinates {
 
 #[cfg(test)]
 mod tests {
+    use search::trial::Trial;
     use shm_types::measures::{Measure, Measures};
 
     use super::*;
 
     fn trial(rollout: u64, theta: [f64; 2], success: bool) -> TrialRecord {
         let apex = Measure { name: "apex_m", unit: "m", value: 0.4 + 0.1 * theta[0] };
-        TrialRecord {
-            rollout,
-            theta: DVector::from_column_slice(&theta),
-            reward: 1.0,
-            success,
-            judged_success: success,
-            policy_id: rollout,
-            policy_digest: 0,
-            boot_id: 0,
-            applied_tick: 0,
-            fault: 0,
-            n_records: 1,
-            set_aside: false,
-            is_mean: false,
-            measures: Measures::of([apex]).unwrap(),
-        }
+        let (theta, measured) = (DVector::from_column_slice(&theta), Vec::new());
+        let trial = Trial { rollout, theta, reward: 1.0, success, measured };
+        TrialRecord::of(trial, Measures::of([apex]).unwrap())
     }
 
     /// Successes along a ridge, failures beside it, one success far away.

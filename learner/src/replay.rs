@@ -18,6 +18,7 @@ pub struct Replayed {
     pub problem: Problem,
     pub search: AskTell,
     pub telling: Telling,
+    pub wishes: Wishes,
     pub trials: Vec<TrialRecord>,
 }
 
@@ -32,9 +33,9 @@ impl Replayed {
         let config = &store.meta().learner;
         let problem = Problem::around(&store.initial_policy()?, config, demonstrations)?
             .with_prediction(config, predictor);
-        let trials = store.trials()?;
-        let (search, telling) = replay(config, &problem, &store.wishes()?, &trials, on_told)?;
-        Ok(Replayed { problem, search, telling, trials })
+        let (wishes, trials) = (store.wishes()?, store.trials()?);
+        let (search, telling) = replay(config, &problem, &wishes, &trials, on_told)?;
+        Ok(Replayed { problem, search, telling, wishes, trials })
     }
 }
 
@@ -131,25 +132,6 @@ mod tests {
     use shm_types::measures::Measures;
     use shm_types::policy::PolicyMsg;
 
-    fn record(trial: Trial) -> TrialRecord {
-        TrialRecord {
-            rollout: trial.rollout,
-            theta: trial.theta,
-            reward: trial.reward,
-            success: trial.success,
-            judged_success: trial.success,
-            policy_id: trial.rollout,
-            policy_digest: 0,
-            boot_id: 0,
-            applied_tick: 0,
-            fault: 0,
-            n_records: 0,
-            set_aside: false,
-            is_mean: false,
-            measures: Measures::NONE,
-        }
-    }
-
     #[test]
     fn a_history_that_does_not_lead_here_is_refused_where_it_goes_astray() {
         let search = SearchConfig { method: Method::Tempered, ..Default::default() };
@@ -164,7 +146,7 @@ mod tests {
             let reward = (-theta.norm_squared()).exp();
             let trial = Trial { rollout, theta, reward, success: false, measured: Vec::new() };
             search.tell(&trial).unwrap();
-            trials.push(record(trial));
+            trials.push(TrialRecord::of(trial, Measures::NONE));
         }
         let (mut heard, none) = (Vec::new(), Wishes::default());
         assert!(replay(&config, &problem, &none, &trials, &mut |told| heard.push(told)).is_ok());

@@ -84,24 +84,11 @@ impl Summary {
 mod tests {
     use super::*;
     use nalgebra::DVector;
+    use search::trial::Trial;
 
     fn trial(rollout: u64, reward: f64, success: bool) -> TrialRecord {
-        TrialRecord {
-            rollout,
-            theta: DVector::zeros(1),
-            reward,
-            success,
-            judged_success: success,
-            policy_id: rollout,
-            policy_digest: 0,
-            boot_id: 0,
-            applied_tick: 0,
-            fault: 0,
-            n_records: 0,
-            set_aside: false,
-            is_mean: false,
-            measures: Measures::NONE,
-        }
+        let (theta, measured) = (DVector::zeros(1), Vec::new());
+        TrialRecord::of(Trial { rollout, theta, reward, success, measured }, Measures::NONE)
     }
 
     #[test]

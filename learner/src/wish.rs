@@ -18,6 +18,11 @@ impl Wish {
         Ok(Wish(Expression::parse(text, &kinds(declared), Kind::Truth)?))
     }
 
+    /// That of a setting or a stored text; none where it is empty.
+    pub fn parse_any(text: &str, declared: &Declared) -> Result<Option<Wish>, ParseError> {
+        (!text.is_empty()).then(|| Wish::parse(text, declared)).transpose()
+    }
+
     /// Whether a rollout is as wished; not one of which that cannot be said.
     pub fn holds(&self, measures: &Measures) -> bool {
         let values: Vec<f64> = measures.iter().map(|measure| measure.value).collect();

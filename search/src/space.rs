@@ -203,6 +203,16 @@ impl Space {
         Space { theta_0, exploration, bounds, directions, known, prediction }
     }
 
+    /// L⁺ (k×D): e = L⁺(θ − θ₀) by least squares.
+    ///
+    /// # Panics
+    /// If the columns of L are not independent; see [`Space::along`].
+    pub fn inverse(&self) -> DMatrix<f64> {
+        let normal = self.exploration.tr_mul(&self.exploration);
+        let factor = normal.cholesky().expect("independent directions");
+        factor.solve(&self.exploration.transpose())
+    }
+
     /// What is known of the direction `index`.
     pub fn direction(&self, index: usize) -> Direction {
         self.directions.get(index).copied().unwrap_or_default()

@@ -30,10 +30,8 @@ impl Subspace {
         });
         let white = Space::white(DVector::zeros(k));
         let inner = build(Space { directions, known, prediction, ..white });
-        let normal = space.exploration.tr_mul(&space.exploration);
-        let factor = normal.cholesky().expect("independent directions");
-        let inverse = factor.solve(&space.exploration.transpose());
-        let mut subspace = Subspace { inner, mean: space.theta_0.clone(), space, inverse };
+        let (mean, inverse) = (space.theta_0.clone(), space.inverse());
+        let mut subspace = Subspace { inner, mean, space, inverse };
         subspace.mean = subspace.theta(subspace.inner.mean());
         subspace
     }

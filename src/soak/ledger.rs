@@ -79,25 +79,13 @@ fn durable_episodes(log: &Path, session_id: u64) -> Result<BTreeMap<u64, Vec<u64
 #[cfg(test)]
 mod tests {
     use super::*;
+    use search::trial::Trial;
     use shm_types::measures::Measures;
 
     fn trial(rollout: u64, boot_id: u64) -> TrialRecord {
-        TrialRecord {
-            rollout,
-            theta: nalgebra::DVector::zeros(1),
-            reward: 0.0,
-            success: false,
-            judged_success: false,
-            policy_id: rollout,
-            policy_digest: 0,
-            boot_id,
-            applied_tick: 0,
-            fault: 0,
-            n_records: 0,
-            set_aside: false,
-            is_mean: false,
-            measures: Measures::NONE,
-        }
+        let (theta, measured) = (nalgebra::DVector::zeros(1), Vec::new());
+        let trial = Trial { rollout, theta, reward: 0.0, success: false, measured };
+        TrialRecord { boot_id, ..TrialRecord::of(trial, Measures::NONE) }
     }
 
     #[test]

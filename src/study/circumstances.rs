@@ -1,7 +1,7 @@
 //! Circumstances that change: a ceiling comes down, a joint tires, the pan gets heavier. What the session
 //! would go on with, and what its repertoire has instead, without a rollout in between. On the split plant.
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use learner::repertoire::serve;
 use learner::replay::{ask, told_anew};
 use learner::wish::{Wish, Wishes};
@@ -10,13 +10,11 @@ use physics::arm::ArmModel;
 use physics::pancake::PancakeConfig;
 
 use super::Sample;
-use super::pancake::{Bench, JUDGING};
-use super::repertoire::{Judged, Learnt, config, learn, measure, record};
+use super::pancake::{Bench, JUDGING, Judged, PAN_MASS, hold_stiffly, scaled, share};
+use super::repertoire::{Learnt, TRIED, config, learn, record};
 use crate::config::Config;
 use crate::setup;
 
-/// Other pancakes that try each policy.
-const TRIED: u64 = 10;
 /// Rollouts with which the search follows.
 const FOLLOWED: u64 = 10;
 /// What the tired joint has left of its torque.
@@ -68,10 +66,9 @@ pub fn run_seed(seed: u64) -> Result<Vec<Sample>> {
     Ok(samples)
 }
 
-/// The posture is held as stiffly as a pan of unknown weight needs.
+/// With a hold that bears a pan of unknown weight.
 fn held(mut config: Config) -> Config {
-    let controller = &mut config.controller;
-    (controller.posture_stiffness, controller.posture_damping) = (4000.0, 126.0);
+    hold_stiffly(&mut config);
     config
 }
 
@@ -114,18 +111,13 @@ impl World<'_> {
     fn rollout(&self, theta: &DVector<f64>, world: &PancakeConfig) -> Result<Judged> {
         let mut plant = self.bench.plant(world);
         let (measures, success, reward) =
-            measure(self.bench, &self.learnt.problem, theta, &mut plant)?;
+            self.bench.judged_on(&self.learnt.problem, theta, &mut plant)?;
         Ok((measures, success && self.rule.is_none_or(|rule| rule.holds(&measures)), reward))
     }
 
     /// Success with other pancakes.
     fn tries(&self, seed: u64, theta: &DVector<f64>) -> Result<f64> {
-        let mut n = 0;
-        for k in 0..TRIED {
-            let world = self.bench.perturbed(seed, JUDGING + k);
-            n += u64::from(self.rollout(theta, &world)?.1);
-        }
-        Ok(n as f64 / TRIED as f64)
+        share(TRIED, |n| Ok(self.rollout(theta, &self.bench.perturbed(seed, JUDGING + n))?.1))
     }
 
     /// The search goes on with the wish: success of its next rollouts, 0 or 1 each.
@@ -154,18 +146,9 @@ fn same(urdf: &str) -> Result<String> {
 }
 
 fn heavier(urdf: &str) -> Result<String> {
-    scaled(urdf, "<link name=\"pan\">", "<mass value=\"", HEAVIER)
+    scaled(urdf, PAN_MASS, HEAVIER)
 }
 
 fn tired(urdf: &str) -> Result<String> {
-    scaled(urdf, "<joint name=\"j6_wrist_pitch\"", "effort=\"", HALF)
-}
-
-/// With the number after `key`, the first one after `place`, times `factor`.
-fn scaled(urdf: &str, place: &str, key: &str, factor: f64) -> Result<String> {
-    let (before, after) = urdf.split_once(place).with_context(|| format!("no {place}"))?;
-    let (head, rest) = after.split_once(key).with_context(|| format!("no {key}"))?;
-    let (number, tail) = rest.split_once('"').context("no end")?;
-    let number = factor * number.parse::<f64>().context("no number")?;
-    Ok(format!("{before}{place}{head}{key}{number}\"{tail}"))
+    scaled(urdf, ["<joint name=\"j6_wrist_pitch\"", "effort=\""], HALF)
 }

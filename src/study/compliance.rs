@@ -19,7 +19,9 @@ use shm_types::policy::PolicyMsg;
 
 use super::Sample;
 use super::disturbance::{Begins, Disturbed, PUSH_S, Push};
-use super::pancake::{Answer, Bench, JUDGING, LEARNING, learn, learn_by, share, summary, uniform};
+use super::pancake::{
+    Answer, Bench, JUDGING, LEARNING, N_PERTURBED, learn, learn_by, share, summary, uniform,
+};
 use crate::config::Config;
 use crate::config::plant::DynamicsKind;
 
@@ -85,7 +87,7 @@ pub fn run_varying_seed(seed: u64) -> Result<Vec<Sample>> {
         let (executed, (problem, theta)) =
             learn_by(&bench, |problem, n, theta| rollout(problem, theta, LEARNING + n))?;
         samples.extend(summary(kind.name, &executed));
-        let robust = share(|n| Ok(rollout(&problem, &theta, JUDGING + n)?.success))?;
+        let robust = share(N_PERTURBED, |n| Ok(rollout(&problem, &theta, JUDGING + n)?.success))?;
         samples.push(Sample::mean(kind.name, "robustness in such worlds", robust));
     }
     Ok(samples)

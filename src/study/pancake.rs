@@ -21,6 +21,7 @@ use search::Search;
 use search::normals::stream;
 use search::power::{Elites, PowerConfig, Scatter, Weights};
 use shm_types::episode::{EpisodeHeader, TickRecord};
+use shm_types::measures::Measures;
 use shm_types::policy::PolicyMsg;
 
 use super::Sample;
@@ -31,7 +32,7 @@ use crate::tasks::executor::episode;
 use crate::{judging, setup};
 
 /// Perturbed rollouts that judge an answer.
-const N_PERTURBED: u64 = 20;
+pub const N_PERTURBED: u64 = 20;
 /// A first success by this rollout is an early one.
 const EARLY: u64 = 45;
 /// Streams of random numbers beyond those of the rollouts: worlds to judge in, worlds to learn in.
@@ -188,6 +189,9 @@ pub fn summary(name: &str, executed: &[Executed]) -> Vec<Sample> {
 /// A problem and the θ a search came to.
 pub type Answer = (Problem, DVector<f64>);
 
+/// Measures, success and reward of a rollout.
+pub type Judged = (Measures, bool, f64);
+
 /// What was executed, and the search's answer; `world` gives that of each rollout.
 pub fn learn(
     bench: &Bench,
@@ -199,10 +203,11 @@ pub fn learn(
 /// The same, where `execute` runs θ as a rollout of that number.
 pub fn learn_by(
     bench: &Bench,
-    execute: impl Fn(&Problem, u64, &DVector<f64>) -> Result<Came>,
+    mut execute: impl FnMut(&Problem, u64, &DVector<f64>) -> Result<Came>,
 ) -> Result<(Vec<Executed>, Answer)> {
     let config = &bench.config.learner;
-    let problem = Problem::new(config, &setup::demonstrations(&bench.config)?)?;
+    let problem = Problem::new(config, &setup::demonstrations(&bench.config)?)?
+        .with_prediction(config, bench.judge.predictor());
     let mut search: Box<dyn Search> = problem.search(config);
     let executed =
         session(&mut *search, config.rollouts, |rollout, theta| execute(&problem, rollout, theta))?;
@@ -223,10 +228,7 @@ pub struct Bench {
 impl Bench {
     pub fn new(mut config: Config, wrong_mass: bool) -> Result<Bench> {
         if wrong_mass {
-            // With less the wrist would sag so far under what the model does not know of that no rollout
-            // begins.
-            (config.controller.posture_stiffness, config.controller.posture_damping) =
-                (4000.0, 126.0);
+            hold_stiffly(&mut config);
         }
         let (arm, world) = (setup::arm(&config)?, config.plant.world(config.controller.period_s()));
         let model = if wrong_mass { light_pan(&config)? } else { setup::arm(&config)? };
@@ -258,7 +260,7 @@ impl Bench {
         (problem, theta): &Answer,
         world: impl Fn(u64) -> PancakeConfig,
     ) -> Result<f64> {
-        share(|draw| Ok(self.rollout(problem, theta, &world(draw))?.success))
+        share(N_PERTURBED, |draw| Ok(self.rollout(problem, theta, &world(draw))?.success))
     }
 
     /// What θ comes to in `world`.
@@ -282,11 +284,25 @@ impl Bench {
         theta: &DVector<f64>,
         plant: &mut P,
     ) -> Result<Came> {
+        Ok(self.came(&self.judged_on(problem, theta, plant)?))
+    }
+
+    /// What the search is told of it.
+    pub fn came(&self, (measures, success, reward): &Judged) -> Came {
+        let measured = measured(self.config.learner.search.targets(), measures);
+        Came { success: *success, reward: *reward, measured }
+    }
+
+    /// θ on a plant of one's own, with all that was measured.
+    pub fn judged_on<P: Plant>(
+        &self,
+        problem: &Problem,
+        theta: &DVector<f64>,
+        plant: &mut P,
+    ) -> Result<Judged> {
         let records = self.records(problem, theta, plant)?;
-        let (measures, success, reward) =
-            self.judge.judge(&self.policy(problem, theta), &EpisodeHeader::default(), &records)?;
-        let measured = measured(self.config.learner.search.targets(), &measures);
-        Ok(Came { success, reward, measured })
+        let policy = self.policy(problem, theta);
+        Ok(self.judge.judge(&policy, &EpisodeHeader::default(), &records)?)
     }
 
     pub fn policy(&self, problem: &Problem, theta: &DVector<f64>) -> PolicyMsg {
@@ -308,22 +324,35 @@ impl Bench {
     }
 }
 
-/// The share of successes of perturbed rollouts, each by its number.
-pub fn share(mut succeeds: impl FnMut(u64) -> Result<bool>) -> Result<f64> {
-    let mut n = 0;
-    for draw in 0..N_PERTURBED {
-        n += u64::from(succeeds(draw)?);
+/// The share of successes of `n` perturbed rollouts, each by its number.
+pub fn share(n: u64, mut succeeds: impl FnMut(u64) -> Result<bool>) -> Result<f64> {
+    let mut successes = 0;
+    for draw in 0..n {
+        successes += u64::from(succeeds(draw)?);
     }
-    Ok(n as f64 / N_PERTURBED as f64)
+    Ok(successes as f64 / n as f64)
+}
+
+/// With less the wrist would sag so far under what a model does not know of that no rollout begins.
+pub fn hold_stiffly(config: &mut Config) {
+    let controller = &mut config.controller;
+    (controller.posture_stiffness, controller.posture_damping) = (4000.0, 126.0);
 }
 
 /// The built-in arm with a part of its pan's mass.
 fn light_pan(config: &Config) -> Result<ArmModel> {
-    let whole = setup::arm_text(config)?;
-    let (before, pan) = whole.split_once("<link name=\"pan\">").context("no pan")?;
-    let (head, rest) = pan.split_once("<mass value=\"").context("no mass")?;
-    let (mass, tail) = rest.split_once('"').context("no mass")?;
-    let mass = KNOWN_MASS * mass.parse::<f64>().context("no mass")?;
-    let urdf = format!("{before}<link name=\"pan\">{head}<mass value=\"{mass}\"{tail}");
+    let urdf = scaled(&setup::arm_text(config)?, PAN_MASS, KNOWN_MASS)?;
     Ok(ArmModel::from_urdf(&urdf, &config.plant.tip)?)
+}
+
+/// Where the pan's mass stands in the URDF: after these two, one after the other.
+pub const PAN_MASS: [&str; 2] = ["<link name=\"pan\">", "<mass value=\""];
+
+/// A URDF in which the number after `place` is multiplied by `factor`.
+pub fn scaled(urdf: &str, [place, key]: [&str; 2], factor: f64) -> Result<String> {
+    let (before, after) = urdf.split_once(place).with_context(|| format!("no {place}"))?;
+    let (head, rest) = after.split_once(key).with_context(|| format!("no {key}"))?;
+    let (number, tail) = rest.split_once('"').context("the number does not end")?;
+    let number = factor * number.parse::<f64>().context("no number")?;
+    Ok(format!("{before}{place}{head}{key}{number}\"{tail}"))
 }

@@ -5,24 +5,20 @@ use anyhow::Result;
 use learner::problem::Problem;
 use learner::repertoire::serve;
 use learner::store::TrialRecord;
-use learner::targets::measured;
 use learner::wish::Wish;
 use nalgebra::DVector;
 use search::Method;
 use search::aim::{Target, Then};
-use shm_types::episode::EpisodeHeader;
-use shm_types::measures::Measures;
+use search::trial::Trial;
 
 use super::Sample;
-use super::pancake::{Bench, JUDGING};
-use super::runs::{Came, trial};
+use super::pancake::{Bench, JUDGING, Judged, learn_by};
 use crate::config::Config;
 use crate::config::plant::DynamicsKind;
-use crate::setup;
 
 const ROLLOUTS: u64 = 200;
 /// Other pancakes that try each policy.
-const TRIED: u64 = 10;
+pub const TRIED: u64 = 10;
 /// Tenths of what is asked for at least, and of all that is covered, m.
 const FLOOR: [f64; 2] = [0.3, 0.6];
 const WHOLE: [f64; 2] = [0.25, 0.75];
@@ -31,9 +27,6 @@ const TENTHS: usize = 10;
 const PARTS: usize = 20;
 /// Another pancake flies a little higher or lower than the one it was learnt with, m.
 const ABOUT: f64 = 0.02;
-
-/// Measures, success and reward.
-pub type Judged = (Measures, bool, f64);
 
 /// A session at rest: what `--where` chooses from.
 pub struct Learnt {
@@ -71,54 +64,23 @@ pub fn config(seed: u64) -> Config {
 
 /// A session as `skillet learn` runs it, without one on disk.
 pub fn learn(bench: &Bench) -> Result<Learnt> {
-    let config = &bench.config.learner;
-    let problem = Problem::new(config, &setup::demonstrations(&bench.config)?)?
-        .with_prediction(config, bench.judge.predictor());
-    let mut search = problem.search(config);
-    let mut plant = bench.plant(&bench.world);
-    let mut trials = Vec::new();
-    for rollout in 1..=config.rollouts {
-        trial(&mut *search, rollout, |theta| -> Result<Came> {
-            let judged = measure(bench, &problem, theta, &mut plant)?;
-            trials.push(record(rollout, theta, judged));
-            let (measures, success, reward) = judged;
-            Ok(Came { success, reward, measured: measured(config.search.targets(), &measures) })
-        })?;
-    }
+    let (mut plant, mut trials) = (bench.plant(&bench.world), Vec::new());
+    let (_, (problem, _)) = learn_by(bench, |problem, rollout, theta| {
+        let judged = bench.judged_on(problem, theta, &mut plant)?;
+        trials.push(record(rollout, theta, judged));
+        Ok(bench.came(&judged))
+    })?;
     Ok(Learnt { problem, trials })
 }
 
-/// What a rollout of θ on `plant` comes to.
-pub fn measure<P: physics::plant::Plant>(
-    bench: &Bench,
-    problem: &Problem,
-    theta: &DVector<f64>,
-    plant: &mut P,
-) -> Result<Judged> {
-    let records = bench.records(problem, theta, plant)?;
-    let policy = bench.policy(problem, theta);
-    Ok(bench.judge.judge(&policy, &EpisodeHeader::default(), &records)?)
-}
-
 /// As a session would store it.
-pub fn record(rollout: u64, theta: &DVector<f64>, judged: Judged) -> TrialRecord {
-    let (measures, success, reward) = judged;
-    TrialRecord {
-        rollout,
-        theta: theta.clone(),
-        reward,
-        success,
-        judged_success: success,
-        policy_id: rollout,
-        policy_digest: 0,
-        boot_id: 0,
-        applied_tick: 0,
-        fault: 0,
-        n_records: 1,
-        set_aside: false,
-        is_mean: false,
-        measures,
-    }
+pub fn record(
+    rollout: u64,
+    theta: &DVector<f64>,
+    (measures, success, reward): Judged,
+) -> TrialRecord {
+    let (theta, measured) = (theta.clone(), Vec::new());
+    TrialRecord::of(Trial { rollout, theta, reward, success, measured }, measures)
 }
 
 fn successes(name: &str, learnt: &Learnt) -> Sample {
@@ -163,7 +125,7 @@ fn served(bench: &Bench, learnt: &Learnt, seed: u64, [min, max]: [f64; 2]) -> Re
     let (mut succeeded, mut within) = (0.0, 0.0);
     for n in 0..TRIED {
         let mut plant = bench.plant(&bench.perturbed(seed, JUDGING + n));
-        let (measures, success, _) = measure(bench, &learnt.problem, &served.theta, &mut plant)?;
+        let (measures, success, _) = bench.judged_on(&learnt.problem, &served.theta, &mut plant)?;
         let apex_m = measures.get("apex_m").unwrap_or(0.0);
         let is_within = (min - ABOUT..max + ABOUT).contains(&apex_m);
         succeeded += f64::from(u8::from(success)) / TRIED as f64;

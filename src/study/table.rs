@@ -17,7 +17,7 @@ use search::power::PowerConfig;
 
 use super::Sample;
 use super::disturbance::{Disturbed, Table};
-use super::pancake::{JUDGING, LEARNING, share, summary};
+use super::pancake::{JUDGING, LEARNING, N_PERTURBED, share, summary};
 use super::runs::session;
 use crate::config::Config;
 use crate::config::plant::DynamicsKind;
@@ -96,7 +96,7 @@ fn learn(kind: &Kind, seed: u64) -> Result<Vec<Sample>> {
     let free = rollout(mean, OUT_OF_THE_WAY)?.0;
     samples.push(Sample::rate(kind.name, "answer without a table", free));
     let mut peak = 0.0f64;
-    let robust = share(|n| {
+    let robust = share(N_PERTURBED, |n| {
         let (success, _, force) = rollout(mean, height(seed, JUDGING + n))?;
         peak = peak.max(force);
         Ok(success)

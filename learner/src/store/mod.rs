@@ -23,7 +23,6 @@ pub use error::StoreError;
 pub use meta::SessionMeta;
 pub use rows::{Event, PolicyKind, Step, TrialRecord};
 use rows::{insert_event, insert_policy, insert_proposal, insert_search, insert_trial};
-pub use wishes::WishFrom;
 
 use search::trial::Proposal;
 use shm_types::policy_json;

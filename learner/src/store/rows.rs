@@ -59,6 +59,27 @@ pub struct TrialRecord {
 }
 
 impl TrialRecord {
+    /// One that no controller executed: of a study, or a test.
+    pub fn of(trial: Trial, measures: Measures) -> TrialRecord {
+        let Trial { rollout, theta, reward, success, .. } = trial;
+        TrialRecord {
+            rollout,
+            theta,
+            reward,
+            success,
+            judged_success: success,
+            policy_id: rollout,
+            policy_digest: 0,
+            boot_id: 0,
+            applied_tick: 0,
+            fault: 0,
+            n_records: 0,
+            set_aside: false,
+            is_mean: false,
+            measures,
+        }
+    }
+
     /// There was a rollout, whatever came of it.
     pub fn was_executed(&self) -> bool {
         !self.set_aside && self.fault != FAULT_POLICY_REFUSED

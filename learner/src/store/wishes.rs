@@ -6,27 +6,19 @@ use crate::modes::mode_policy_id;
 use crate::wish::{Wish, Wishes};
 use search::SearchSnapshot;
 
-/// Wish of the trials beyond `after`.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct WishFrom {
-    pub after: u64,
-    /// Empty where nothing is wished for any more.
-    pub text: String,
-}
-
 impl Store {
     /// All of them, the oldest first.
     pub fn wishes(&self) -> Result<Wishes, StoreError> {
         let query = "SELECT after, text FROM wishes ORDER BY after";
         let mut statement = self.sql(self.connection.prepare(query))?;
-        let rows = self.sql(statement.query_map([], |row| {
-            Ok(WishFrom { after: integer(row.get(0)?), text: row.get(1)? })
-        }))?;
-        let parse = |row: rusqlite::Result<WishFrom>| {
-            let WishFrom { after, text } = self.sql(row)?;
-            let wish = (!text.is_empty()).then(|| Wish::parse(&text, &self.meta.measures));
-            let wish = wish.transpose().map_err(|e| self.corrupt(format!("wish `{text}`: {e}")))?;
-            Ok((after, wish))
+        let rows = self.sql(
+            statement.query_map([], |row| Ok((integer(row.get(0)?), row.get::<_, String>(1)?))),
+        )?;
+        let parse = |row: rusqlite::Result<(u64, String)>| {
+            let (after, text) = self.sql(row)?;
+            Wish::parse_any(&text, &self.meta.measures)
+                .map(|wish| (after, wish))
+                .map_err(|error| self.corrupt(format!("wish `{text}`: {error}")))
         };
         rows.map(parse).collect::<Result<_, StoreError>>().map(Wishes::of)
     }
