@@ -61,7 +61,7 @@ fn findings(status: &Status) -> Vec<(Health, String)> {
     }
     if status.state_errors > 0 {
         let why = format!(
-            "{} writes to the state folder failed: free space or mend permissions, see the log",
+            "{} writes to the state folder failed: free space or fix permissions, see the log",
             status.state_errors
         );
         found.push((Health::Degraded, why));

@@ -74,7 +74,7 @@ impl SecondCopy {
         self.connection = None;
         let path = self.path.display();
         tracing::warn!(
-            "{path}: the session's second copy is behind ({error}): free space or mend permissions"
+            "{path}: the session's second copy is behind ({error}): free space or fix permissions"
         );
     }
 }

@@ -127,7 +127,7 @@ impl Catalogue {
         let kept = self.keeper.as_ref()?.kept()?;
         if let Err(error) = &kept.result {
             self.errors += 1;
-            tracing::error!("state not saved: {error}; free space or mend permissions");
+            tracing::error!("state not saved: {error}; free space or fix permissions");
         }
         Some(kept)
     }

@@ -1,6 +1,6 @@
 //! Episodes on disk, from before they are sent until the learner holds them durable.
 //!
-//! A thread of its own writes them. Who asks for a rollout that lies here gets it from here: what was
+//! A thread of its own writes them. A request for a rollout that lies here is answered from here: what was
 //! executed is executed once.
 //!
 //! ```text

@@ -1,4 +1,4 @@
-//! What a controller leaves on disk for its next start, and for whoever looks at it.
+//! What a controller leaves on disk for its next start, and for those who look at it.
 //!
 //! ```text
 //! <state>/policies/<id>.json    one imported policy, written once

@@ -47,7 +47,7 @@ pub(crate) enum Refusal {
     NothingLatched,
     #[error("{0}: still so, or a moment ago; mend it, wait a second and try again")]
     StillPresent(&'static str),
-    #[error("the cell's state cannot be saved ({0}): free space or mend permissions, then repeat")]
+    #[error("the cell's state cannot be saved ({0}): free space or fix permissions, then repeat")]
     NotKept(String),
 }
 
@@ -234,7 +234,7 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
         })
     }
 
-    /// The loop has applied a swap: whoever waits for it is told.
+    /// The loop has applied a swap: those who wait for it are told.
     pub(crate) fn answer_applied(&mut self, applied: &Applied<P>, policy: PolicyName) {
         for request in self.commands.waiting_for(&Outcome::Applied(applied.seq)) {
             let reply = Reply {
