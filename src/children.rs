@@ -1,6 +1,6 @@
 //! Controller and learner as child processes: start, watch, end in order.
 
-use std::ffi::OsStr;
+use std::ffi::{OsStr, OsString};
 use std::io::{BufRead, BufReader};
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::{Path, PathBuf};
@@ -30,7 +30,7 @@ impl Service {
         log: PathBuf,
         stdout: Stdio,
     ) -> Result<Service> {
-        Service::start_as(name, arguments, log, stdout, |_| {})
+        Service::start_as(name, &this_program()?, arguments, log, stdout, |_| {})
     }
 
     /// With further variables in its environment, and in a process group of its own: what a terminal or
@@ -44,27 +44,44 @@ impl Service {
         let apart = |command: &mut Command| {
             command.envs(environment.iter().copied()).process_group(0);
         };
-        Service::start_as(name, arguments, log, Stdio::null(), apart)
+        Service::start_as(name, &this_program()?, arguments, log, Stdio::null(), apart)
+    }
+
+    /// Another program, in a process group of its own and with further variables in its environment.
+    pub fn start_program(
+        name: &'static str,
+        program: &[String],
+        log: PathBuf,
+        environment: &[(&'static str, OsString)],
+    ) -> Result<Service> {
+        let (program, arguments) = program.split_first().context("a program has a name")?;
+        let arguments: Vec<&OsStr> = arguments.iter().map(OsStr::new).collect();
+        let set = |command: &mut Command| {
+            command.envs(environment.iter().map(|(name, value)| (name, value))).process_group(0);
+        };
+        Service::start_as(name, Path::new(program), &arguments, log, Stdio::null(), set)
     }
 
     fn start_as(
         name: &'static str,
+        program: &Path,
         arguments: &[&OsStr],
         log: PathBuf,
         stdout: Stdio,
         set: impl FnOnce(&mut Command),
     ) -> Result<Service> {
-        let exe = std::env::current_exe().context("finding this executable")?;
         // A resumed session keeps what its earlier processes said.
         let file = std::fs::OpenOptions::new()
             .create(true)
             .append(true)
             .open(&log)
             .with_context(|| format!("{}: cannot write the log", log.display()))?;
-        let mut command = Command::new(exe);
+        let mut command = Command::new(program);
         command.args(arguments).stdin(Stdio::null()).stdout(stdout).stderr(file);
         set(&mut command);
-        let child = command.spawn().with_context(|| format!("starting the {name}"))?;
+        let child = command
+            .spawn()
+            .with_context(|| format!("starting the {name} ({})", program.display()))?;
         Ok(Service { name, child, log })
     }
 
@@ -143,6 +160,10 @@ impl Drop for Service {
         // Whatever path led here, no child is left behind.
         let _ = self.stop();
     }
+}
+
+fn this_program() -> Result<PathBuf> {
+    std::env::current_exe().context("finding this executable")
 }
 
 fn tail(path: &Path, lines: usize) -> String {

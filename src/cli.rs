@@ -5,6 +5,7 @@ pub mod bench;
 pub mod demo;
 pub mod doctor;
 pub mod judge;
+pub mod plant;
 pub mod record;
 pub mod shell;
 pub mod soak;
@@ -17,6 +18,7 @@ use std::path::PathBuf;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+use crate::robots::{self, Robot};
 use crate::tasks::{self, Task};
 
 mod policy;
@@ -60,6 +62,8 @@ pub enum Verb {
     Demo(demo::DemoArgs),
     /// Check the URDF of an arm and make its configuration
     Arm(arm::ArmArgs),
+    /// Plants in another process: serve the simulation as one, check one of your own
+    Plant(plant::PlantArgs),
     /// Judge the trials of a session once more, by another reward
     Judge(judge::JudgeArgs),
     /// List what there is to be learnt
@@ -107,6 +111,8 @@ pub enum PaceArg {
     Realtime,
     /// As fast as the simulation allows; the same numbers
     Max,
+    /// By the samples of a real arm, a plant in another process
+    Plant,
 }
 
 impl PaceArg {
@@ -114,6 +120,7 @@ impl PaceArg {
         match self {
             PaceArg::Realtime => "realtime",
             PaceArg::Max => "max",
+            PaceArg::Plant => "plant",
         }
     }
 }
@@ -123,6 +130,7 @@ impl From<PaceArg> for rt_controller::Pace {
         match pace {
             PaceArg::Realtime => rt_controller::Pace::Realtime,
             PaceArg::Max => rt_controller::Pace::Max,
+            PaceArg::Plant => rt_controller::Pace::Plant,
         }
     }
 }
@@ -134,6 +142,8 @@ Examples:
   skillet learn pancake --seed 7 --out s7            a session in s7; the same line resumes it
   skillet learn pancake --rollouts 20 --pace realtime --json
   skillet learn skittles --target 1.2,0.0 --prefer tolerant
+  skillet learn pancake --arm panda                  on a Franka Emika Panda
+  skillet learn pancake --plant-program \"python3 examples/plant_mujoco.py\"
   skillet learn pancake --out s7 --where \"apex_m < 0.45\"    a ceiling came down; s7 goes on below it
 
 Ctrl-C stops it with everything saved (exit code 1); the same command with --out resumes it.")]
@@ -153,6 +163,15 @@ pub struct LearnArgs {
     /// Configuration file (TOML); see `skillet config`
     #[arg(long)]
     pub config: Option<PathBuf>,
+    /// What turns torques into measurements; `plant.kind` of the configuration when absent
+    #[arg(long, value_enum)]
+    pub plant: Option<plant::KindArg>,
+    /// An arm that comes with the tool, instead of the task's own
+    #[arg(long, value_parser = robot_names(), conflicts_with = "config")]
+    pub arm: Option<String>,
+    /// Program of an external plant, words apart by spaces, to be started and ended with the session
+    #[arg(long, value_name = "COMMAND")]
+    pub plant_program: Option<String>,
     /// Where the skittle stands, in m from the post (task skittles)
     #[arg(long, value_name = "X,Y", value_parser = point, allow_hyphen_values = true)]
     pub target: Option<[f64; 2]>,
@@ -179,6 +198,12 @@ fn task_names() -> impl TypedValueParser<Value = String> {
     PossibleValuesParser::new(tasks::ALL.iter().map(value))
 }
 
+/// Every arm with what it is.
+fn robot_names() -> impl TypedValueParser<Value = String> {
+    let value = |robot: &Robot| PossibleValue::new(robot.name).help(robot.about);
+    PossibleValuesParser::new(robots::ALL.iter().map(value))
+}
+
 /// Two numbers with a comma between them.
 fn point(text: &str) -> Result<[f64; 2], String> {
     let numbers: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse()).collect();
@@ -187,7 +212,10 @@ fn point(text: &str) -> Result<[f64; 2], String> {
 }
 
 #[derive(Args)]
-#[command(after_help = "Example: skillet controller --cell kitchen --config config/pancake.toml")]
+#[command(after_help = "\
+Examples:
+  skillet controller --cell kitchen --config config/pancake.toml
+  skillet controller --cell kitchen --plant external --pace plant    a robot's driver is the clock")]
 pub struct ControllerArgs {
     /// Cell to serve, shared with its learner; `cell.name` of the configuration when absent
     #[arg(long)]
@@ -198,6 +226,9 @@ pub struct ControllerArgs {
     /// What paces the loop: a service keeps the wall clock unless told otherwise
     #[arg(long, value_enum, default_value_t = PaceArg::Realtime)]
     pub pace: PaceArg,
+    /// What turns torques into measurements; `plant.kind` of the configuration when absent
+    #[arg(long, value_enum)]
+    pub plant: Option<plant::KindArg>,
     /// Keep nothing on disk: the cell will not outlive this process
     #[arg(long, hide = true)]
     pub private: bool,

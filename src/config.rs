@@ -148,6 +148,11 @@ impl Config {
         Ok(config)
     }
 
+    /// A configuration that comes with the tool.
+    pub fn of_text(text: &str, of: Defaults) -> Result<Config> {
+        Ok(parse(text, of)?)
+    }
+
     /// Everything but what depends on the task.
     pub fn validate_settings(&self) -> Result<()> {
         shm_types::cell::Cell::new(&self.cell.name).context("cell.name")?;

@@ -3,22 +3,65 @@
 use anyhow::{Context, Result, bail};
 use learner::LearnerConfig;
 use learner::expression::{Expression, Kind};
-use learner::judge::{Declared, Judge, Paid, Verdict, VerdictError, list};
+use learner::judge::{Declared, Judge, Measurer, Paid, Verdict, VerdictError, list};
 use learner::targets;
 use learner::wish::{Wish, kinds};
-use shm_types::measures::Measures;
+use shm_types::episode::{EpisodeHeader, TickRecord};
+use shm_types::measures::{Measure, Measures, MeasuresError};
 
 use crate::config::{Config, JudgeConfig};
 
 pub fn judge(config: &Config) -> Result<Judge> {
     let task = config.task()?;
-    let (measurer, compliance) = (task.measurer(config)?, &config.learner.compliance);
+    let (measurer, compliance) = (measurer(config)?, &config.learner.compliance);
     let mut declared = measurer.declared();
     declared.extend(compliance.declared());
     targets::check(config.learner.search.targets(), &declared)?;
     Wish::parse_any(&config.learner.wish, &declared).context("learner.where")?;
     let judge = Judge::new(measurer, verdict(config, &declared)?).with_compliance(compliance);
     Ok(judge.with_prediction(task.predictor(config)?))
+}
+
+/// What the task measures, and what only the plant can.
+fn measurer(config: &Config) -> Result<Box<dyn Measurer>> {
+    let measurer = config.task()?.measurer(config)?;
+    if config.plant.measures.is_empty() {
+        return Ok(measurer);
+    }
+    let of_plant =
+        config.plant.measures.iter().map(|(n, unit)| (n.clone(), unit.clone())).collect();
+    let both = WithPlant { measurer, of_plant };
+    // Names and units, as they will come.
+    let zero = both.declared();
+    let zero = zero.iter().map(|(name, unit)| Measure { name, unit, value: 0.0 });
+    Measures::of(zero).context("plant.measures")?;
+    Ok(Box::new(both))
+}
+
+struct WithPlant {
+    measurer: Box<dyn Measurer>,
+    of_plant: Declared,
+}
+
+impl Measurer for WithPlant {
+    fn declared(&self) -> Declared {
+        let of_task = self.measurer.declared();
+        of_task.into_iter().chain(self.of_plant.iter().cloned()).collect()
+    }
+
+    fn measure(
+        &self,
+        header: &EpisodeHeader,
+        records: &[TickRecord],
+    ) -> Result<Measures, MeasuresError> {
+        let mut all = self.measurer.measure(header, records)?;
+        for (name, unit) in &self.of_plant {
+            let value = header.measures.get(name);
+            let value = value.ok_or_else(|| MeasuresError::Missing(name.clone()))?;
+            all.push(Measure { name, unit, value })?;
+        }
+        Ok(all)
+    }
 }
 
 /// What `config` makes of the measures `declared`.

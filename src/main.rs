@@ -16,6 +16,7 @@ mod doctor;
 mod draw;
 mod early;
 mod exit;
+mod external;
 mod health;
 mod holding;
 mod host;
@@ -23,12 +24,14 @@ mod judging;
 mod log;
 mod metrics;
 mod output;
+mod plant_check;
 mod policy_file;
 mod progress;
 mod record;
 mod reload;
 mod report;
 mod resume;
+mod robots;
 mod session_folder;
 mod setup;
 mod signals;
@@ -68,6 +71,7 @@ fn main() -> ExitCode {
         Verb::Replay(args) => commands::replay::run(args),
         Verb::Demo(args) => commands::demo::run(args),
         Verb::Arm(args) => commands::arm::run(args),
+        Verb::Plant(args) => commands::plant::run(args),
         Verb::Judge(args) => commands::judge::run(args),
         Verb::Task(args) => commands::task::run(args),
         Verb::Trials(args) => commands::trials::run(args),

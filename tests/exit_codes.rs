@@ -18,7 +18,7 @@ const NO_CONTROLLER: i32 = 3;
 /// controller, the cell `none` has not.
 type Row = (&'static str, &'static [(i32, &'static str)]);
 
-const ROWS: [Row; 42] = [
+const ROWS: [Row; 44] = [
     ("learn", &[(DONE, "pancake --rollouts 2 --out l"), (ERROR, "pancake --config absent.toml")]),
     ("controller", &[(ERROR, "--cell c1"), (ERROR, "--cell UP"), (ERROR, "--config absent.toml")]),
     ("learner", &[(DONE, "--cell c1 --session s"), (ERROR, "--session l2 --config absent.toml")]),
@@ -79,6 +79,16 @@ const ROWS: [Row; 42] = [
             (NEGATIVE, "massless.urdf"),
             (ERROR, "absent.urdf"),
             (ERROR, "s/session.toml"),
+        ],
+    ),
+    ("plant serve", &[(ERROR, "--cell UP"), (ERROR, "--config absent.toml")]),
+    (
+        "plant check",
+        &[
+            // Whoever serves the cell is in the way.
+            (ERROR, "--cell c1"),
+            (ERROR, "--cell none --program false"),
+            (ERROR, "--config absent.toml"),
         ],
     ),
     (

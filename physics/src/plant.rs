@@ -1,5 +1,7 @@
 //! What a controller sees of the world: measure, apply, advance.
 
+use std::time::Duration;
+
 use nalgebra::{UnitQuaternion, Vector3};
 
 use crate::arm::JointVector;
@@ -55,6 +57,18 @@ impl Dynamics {
     }
 }
 
+/// Whether there is a sample to answer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Presence {
+    There,
+    /// It has not finished what it was last asked for: its time stands still.
+    Busy,
+    /// It has not come yet, and has shown no posture.
+    Absent,
+    /// It was there and is gone.
+    Lost,
+}
+
 /// A torque-controlled arm and its surroundings, simulated or real.
 ///
 /// The torque given by [`apply`](Plant::apply) acts until it is replaced.
@@ -75,6 +89,14 @@ pub trait Plant: Send {
     fn apply(&mut self, tau: &JointVector);
     /// Lets one period pass.
     fn advance(&mut self);
+
+    /// Before every tick: takes in what has come. A plant in this process is always there.
+    fn presence(&mut self) -> Presence {
+        Presence::There
+    }
+
+    /// Waits for the next sample of a plant that is the clock, at most so long.
+    fn wait(&mut self, _longest: Duration) {}
 }
 
 impl<P: Plant + ?Sized> Plant for Box<P> {
@@ -100,5 +122,13 @@ impl<P: Plant + ?Sized> Plant for Box<P> {
 
     fn advance(&mut self) {
         (**self).advance();
+    }
+
+    fn presence(&mut self) -> Presence {
+        (**self).presence()
+    }
+
+    fn wait(&mut self, longest: Duration) {
+        (**self).wait(longest);
     }
 }

@@ -11,6 +11,8 @@ pub enum Pace {
     Realtime,
     /// The simulation: the next tick starts when the last has ended. Same numbers, sooner.
     Max,
+    /// The samples of a plant in another process, which is the clock.
+    Plant,
 }
 
 /// What a controller does without a learner and without a pinned policy.

@@ -15,6 +15,7 @@ pub mod fault;
 #[cfg(fuzzing)]
 pub mod fuzzing;
 pub mod hot;
+pub mod remote;
 mod rings;
 pub mod rt;
 pub mod run;
@@ -24,5 +25,5 @@ mod summary;
 
 pub use config::{ControllerConfig, Pace};
 pub use executor::action::run_action;
-pub use run::run;
+pub use run::{run, run_external};
 pub use summary::{RunError, RunSummary};

@@ -1,23 +1,30 @@
 //! Runs the controller of an arm.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use physics::arm::{ArmModel, JointVector};
-use physics::plant::Plant;
+use physics::plant::{Plant, Presence};
 use physics::referee::Referee;
-use shm_types::cell::Cell;
+use shm_types::cell::{Cell, CellLock, Role};
 use shm_types::episode::TickRecord;
+use shm_types::measures::Measures;
 use shm_types::policy::PolicyMsg;
 
 use crate::admit::admission::{admit, records_needed};
 use crate::admit::dry_run::dry_run;
 use crate::config::{Alone, ControllerConfig, Pace};
+use crate::exchange::boot_id;
 use crate::exchange::setup::Setup;
 use crate::executor::arm::RtLoop;
 use crate::executor::latch::Latch;
 use crate::hot::tick::Controller;
+use crate::remote::door::Door;
+use crate::remote::expected::Expected;
+use crate::remote::plant::RemotePlant;
+use crate::remote::{self, Seen};
 use crate::rt::{self, Clock};
 use crate::serve::serve;
 use crate::summary::{RunError, RunSummary};
@@ -36,6 +43,12 @@ pub struct Controlled<'a, P: Plant> {
     pub referee: Referee,
 }
 
+/// A plant in another process: where it comes to, and what it must be.
+pub struct External {
+    pub socket: PathBuf,
+    pub expected: Expected,
+}
+
 /// Runs until `stop` is set, by a signal or by a stop command. Holds the cell's controller lock.
 /// Imported policies and what was served last live in the folder `state`, or in memory only.
 pub fn run<P: Plant>(
@@ -47,8 +60,59 @@ pub fn run<P: Plant>(
     stop: &AtomicBool,
 ) -> Result<RunSummary, RunError> {
     config.validate()?;
+    let lock = cell.lock(Role::Controller)?;
+    let setting = Setting { config, pace, state, boot_id: boot_id() };
+    run_locked((&lock, cell), setting, controlled, |_| Measures::NONE, stop)
+}
+
+/// The same, of a plant that another process is. It may come, go and come again.
+pub fn run_external(
+    cell: &Cell,
+    config: &ControllerConfig,
+    pace: Pace,
+    arm: (&ArmModel, JointVector, Referee),
+    external: External,
+    state: Option<&Path>,
+    stop: &AtomicBool,
+) -> Result<RunSummary, RunError> {
+    config.validate()?;
+    let lock = cell.lock(Role::Controller)?;
+    let setting = Setting { config, pace, state, boot_id: boot_id() };
+    let (ends, door_ends) = remote::rings();
+    let seen = Arc::new(Seen::default());
+    let External { socket, expected } = external;
+    let is_simulated = expected.is_simulated;
+    let mut plant = RemotePlant::new(ends, seen.clone(), is_simulated, config.period_ns());
+    let door = Door::open(&socket, expected, setting.boot_id, door_ends, seen)?;
+    let is_over = AtomicBool::new(false);
+    let (model, q0, referee) = arm;
+    let controlled = Controlled { model, plant: &mut plant, q0, referee };
+    std::thread::scope(|scope| {
+        scope.spawn(|| door.run(&is_over));
+        let result =
+            run_locked((&lock, cell), setting, controlled, RemotePlant::take_outcome, stop);
+        is_over.store(true, Ordering::Relaxed);
+        result
+    })
+}
+
+/// How a controller runs.
+struct Setting<'a> {
+    config: &'a ControllerConfig,
+    pace: Pace,
+    state: Option<&'a Path>,
+    boot_id: u64,
+}
+
+fn run_locked<P: Plant>(
+    (lock, cell): (&CellLock, &Cell),
+    Setting { config, pace, state, boot_id }: Setting,
+    controlled: Controlled<P>,
+    outcome: fn(&mut P) -> Measures,
+    stop: &AtomicBool,
+) -> Result<RunSummary, RunError> {
     let Controlled { model, plant, q0, referee } = controlled;
-    if pace == Pace::Realtime {
+    if pace == Pace::Realtime && plant.presence() == Presence::There {
         check_period(Controller::new(model, &q0, config, &referee), plant, config.period_us)?;
     }
     let admit = |message: &PolicyMsg| {
@@ -64,6 +128,7 @@ pub fn run<P: Plant>(
     let latch = Latch::new();
     let alone_after = Duration::from_secs_f64(config.alone_after_s);
     let setup = Setup {
+        boot_id,
         admit: &admit,
         admit_to_serve: &admit_to_serve,
         period_ns: config.period_ns(),
@@ -77,11 +142,11 @@ pub fn run<P: Plant>(
         alone_after: (config.alone == Alone::Serve).then_some(alone_after),
         state,
     };
-    serve(cell, setup, stop, |ends| {
+    serve(lock, cell, setup, stop, |ends| {
         let controller = Controller::new(model, &q0, config, &referee);
-        let rt_loop = RtLoop::new(controller, plant, ends, &latch, config);
+        let rt_loop = RtLoop::new(controller, plant, ends, &latch, config, outcome);
         match pace {
-            Pace::Realtime => {
+            Pace::Realtime | Pace::Plant => {
                 let granted = rt::acquire(config.priority, rt::loop_core(config.cpu));
                 for missing in &granted.missing {
                     tracing::warn!("real time is degraded: {missing}");
@@ -90,6 +155,9 @@ pub fn run<P: Plant>(
                     tracing::warn!("this is a development build: its timings mean nothing");
                 }
                 privileged.store(granted.fifo, Ordering::Relaxed);
+                if pace == Pace::Plant {
+                    return rt_loop.run_by_plant(stop);
+                }
                 let spin_ns = u64::from(config.spin_us) * 1000;
                 rt_loop.run_paced(Clock::new(config.period_ns(), 0, spin_ns), stop);
             }

@@ -2,6 +2,7 @@
 
 use shm_types::cell::CellError;
 use shm_types::channel::ChannelError;
+use shm_types::plant::socket::SocketError;
 use thiserror::Error;
 
 use crate::config::ControllerConfigError;
@@ -20,6 +21,8 @@ pub enum RunError {
     Channel(#[from] ChannelError),
     #[error(transparent)]
     State(#[from] StateError),
+    #[error(transparent)]
+    Door(#[from] SocketError),
     #[error(
         "controller.period_us is {period_us}, but a tick and a step of the plant take {needed_us:.0} \
          µs on this host: use at least {enough_us:.0}"

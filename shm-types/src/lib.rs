@@ -19,6 +19,7 @@ mod janitor;
 pub mod measures;
 pub mod news;
 mod observer;
+pub mod plant;
 pub mod policy;
 pub mod policy_json;
 pub mod ports;

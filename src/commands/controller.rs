@@ -3,11 +3,11 @@
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use rt_controller::disk::timing_file::TimingFile;
 use rt_controller::rt::{leave_core, loop_core};
 use rt_controller::run::Controlled;
-use rt_controller::{ControllerConfig, Pace, RunSummary};
+use rt_controller::{ControllerConfig, Pace, RunSummary, run_external};
 use shm_types::cell::Cell;
 
 use crate::Verdict;
@@ -17,15 +17,17 @@ use crate::config::Config;
 use crate::metrics::Endpoint;
 use crate::signals::{Who, stop_flag};
 use crate::tasks::{ArmWorld, World};
-use crate::{holding, log, reload, setup};
+use crate::{external, holding, log, reload, setup};
 
 pub fn run(args: &ControllerArgs) -> Result<Verdict> {
     if let Some(parent) = args.child {
         setup::end_with_parent(parent)?;
     }
-    let config = Config::load(args.config.as_deref())?;
+    let mut config = Config::load(args.config.as_deref())?;
+    config.plant.kind = args.plant.map_or(config.plant.kind, Into::into);
+    config.validate()?;
     let core = loop_core(config.controller.cpu);
-    if args.pace == PaceArg::Realtime {
+    if args.pace != PaceArg::Max {
         leave_core(core); // before a thread starts; the loop's goes back there
     }
     let stop = stop_flag(Who::service(args.child))?;
@@ -74,6 +76,18 @@ fn run_arm(
     let ArmWorld { model, q0, mut plant, referee, .. } = world;
     holding::check_start(config, &model)?;
     setup::arm_notes(config)?.iter().for_each(|note| tracing::warn!("{note}"));
+    if config.plant.is_external() {
+        let controller = ControllerConfig { cpu: Some(core), ..config.controller.clone() };
+        let external = external::of(config, cell, &model, pace)?;
+        let arm = (&model, q0, referee);
+        return Ok(run_external(cell, &controller, pace, arm, external, state, stop)?);
+    }
+    if pace == Pace::Plant {
+        bail!(
+            "--pace plant: the built-in simulation has no clock of its own; use --plant external, or \
+             --pace realtime or max"
+        );
+    }
     let controlled = Controlled { model: &model, plant: &mut plant, q0, referee };
     let controller = ControllerConfig { cpu: Some(core), ..config.controller.clone() };
     Ok(rt_controller::run(cell, &controller, pace, controlled, state, stop)?)

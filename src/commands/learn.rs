@@ -13,19 +13,22 @@ use learner::summary::Summary as Achievement;
 use serde_json::json;
 use shm_types::cell::{Cell, runtime_dir};
 use shm_types::command::Status;
+use shm_types::plant::socket::PLANT_VARIABLE;
 use shm_types::ports::ToolPorts;
 
 use crate::Verdict;
 use crate::children::Service;
 use crate::cli::LearnArgs;
 use crate::config::Config;
+use crate::config::plant::PlantKind;
 use crate::output::{print, print_json};
 use crate::progress::{Progress, TrialLine};
+use crate::robots::Robot;
 use crate::session_folder::SessionFolder;
 use crate::signals::{Who, stop_flag};
 use crate::stderr::say;
 use crate::summary::Summary;
-use crate::{commands, judging, setup};
+use crate::{commands, external, judging, setup};
 
 const PRIVATE_CELL: &str = "learn-";
 const WATCH: Duration = Duration::from_millis(50);
@@ -71,9 +74,14 @@ fn prepare(args: &LearnArgs) -> Result<(SessionFolder, Config)> {
         (None, true) => Some(stored.as_path()),
         (None, false) => None,
     };
-    let mut config = match source {
-        Some(path) => Config::load(Some(path))?,
-        None => Config::of_task(&args.task),
+    let mut config = match (source, &args.arm) {
+        (Some(path), None) => Config::load(Some(path))?,
+        (Some(_), Some(_)) => bail!(
+            "{}: this session has its arm already: leave --arm out, or choose another folder",
+            folder.dir().display()
+        ),
+        (None, Some(arm)) => Robot::find(arm)?.settle(&args.task, folder.dir())?,
+        (None, None) => Config::of_task(&args.task),
     };
     if config.task.name != args.task {
         bail!(
@@ -87,6 +95,11 @@ fn prepare(args: &LearnArgs) -> Result<(SessionFolder, Config)> {
     config.learner.rollouts = args.rollouts.unwrap_or(config.learner.rollouts);
     config.learner.prefer = args.prefer.map_or(config.learner.prefer, Into::into);
     config.learner.wish = args.wish.clone().unwrap_or(config.learner.wish);
+    config.plant.kind = args.plant.map_or(config.plant.kind, Into::into);
+    if let Some(command) = &args.plant_program {
+        (config.plant.kind, config.plant.program) =
+            (PlantKind::External, external::words(command)?);
+    }
     if let Some(target) = args.target {
         if !config.task()?.has_target {
             bail!("the task {} has no target to choose; leave --target out", args.task);
@@ -153,8 +166,11 @@ fn run_services(
         Service::start("controller", &controller_args, folder.log("controller"), Stdio::null())?;
     let mut learner =
         Service::start("learner", &learner_args, folder.log("learner"), Stdio::piped())?;
+    let mut plant = start_plant(folder, config, cell)?;
     let lines = learner.lines().context("reading the learner's progress")?;
-    let outcome = watch(&mut controller, &mut learner, &lines, &progress, stop);
+    let mut services =
+        Services { controller: &mut controller, learner: &mut learner, plant: plant.as_mut() };
+    let outcome = watch(&mut services, &lines, &progress, stop);
     progress.finish();
 
     let status = ToolPorts::open(cell, Duration::from_millis(500))
@@ -170,6 +186,28 @@ fn run_services(
     Ok(Run { trials, wall, interrupted, status })
 }
 
+/// The program of an external plant, where the configuration names one.
+fn start_plant(folder: &SessionFolder, config: &Config, cell: &Cell) -> Result<Option<Service>> {
+    if !config.plant.is_external() {
+        return Ok(None);
+    }
+    let socket = external::socket_of(config, cell);
+    let program = &config.plant.program;
+    if program.is_empty() {
+        say(&format!("waiting for a plant: start it with {}={}", PLANT_VARIABLE, socket.display()));
+        return Ok(None);
+    }
+    let environment = external::environment(&socket, cell);
+    Service::start_program("plant", program, folder.log("plant"), &environment).map(Some)
+}
+
+/// The processes of a session.
+struct Services<'a> {
+    controller: &'a mut Service,
+    learner: &'a mut Service,
+    plant: Option<&'a mut Service>,
+}
+
 fn expect_success(service: &Service, status: ExitStatus) -> Result<()> {
     if status.success() { Ok(()) } else { bail!(service.obituary(status)) }
 }
@@ -177,8 +215,7 @@ fn expect_success(service: &Service, status: ExitStatus) -> Result<()> {
 /// Shows progress until the learner ends, a signal comes or a child dies. Returns the trials of
 /// this run, the time from the first to the last, and whether it was interrupted.
 fn watch(
-    controller: &mut Service,
-    learner: &mut Service,
+    Services { controller, learner, plant }: &mut Services,
     lines: &Receiver<String>,
     progress: &Progress,
     stop: &AtomicBool,
@@ -211,6 +248,15 @@ fn watch(
                 );
             }
             return Ok((trials, start.elapsed(), false));
+        }
+        if let Some(plant) = plant
+            && let Some(status) = plant.exited()?
+        {
+            bail!(
+                "{}\nThe others are ended in order; the session up to the last trial is saved and \
+                 resumes with the same command.",
+                plant.obituary(status)
+            );
         }
         if let Some(status) = controller.exited()? {
             bail!(

@@ -11,6 +11,7 @@ pub mod learn;
 pub mod learner;
 pub mod live;
 pub mod modes;
+pub mod plant;
 pub mod policy;
 pub mod rearm;
 pub mod record;

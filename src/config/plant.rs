@@ -1,4 +1,4 @@
-//! The table `[plant]`: the arm, its pan and the pancake.
+//! The table `[plant]`: what turns torques into measurements, the arm, its pan and the pancake.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -11,13 +11,26 @@ use physics::pancake::{PancakeConfig, WAM7_START_POSTURE};
 use physics::plant::Dynamics;
 use serde::{Deserialize, Serialize};
 
-/// The simulated arm, pan and pancake.
+/// The simulated arm, pan and pancake, or what another process has in their place.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PlantConfig {
+    /// simulated: by the controller itself; external: a process of your own, a simulator or a robot's driver,
+    /// comes to the controller; see docs/plant.md.
+    pub kind: PlantKind,
+    /// Program and arguments of an external plant that `skillet learn` starts; without one it waits for it.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub program: Vec<String>,
+    /// Where an external plant comes to; `plant.sock` in the folder of the cell when absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub socket: Option<PathBuf>,
     /// multibody: the arm is Rapier's, as everything it touches; split: the arm by equations of motion of
     /// our own, of second order, and only what it touches by Rapier; see docs/simulation.md.
     pub dynamics: DynamicsKind,
+    /// What only an external plant can measure of a rollout: names with their units, as
+    /// `contact_force_n = "N"`. They join the task's measures.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub measures: BTreeMap<String, String>,
     /// URDF of the arm; the built-in WAM when absent.
     pub arm: Option<PathBuf>,
     /// Link whose frame is the pan: origin on its surface, z its normal. With `pan`, any link that
@@ -49,6 +62,16 @@ pub struct PlantConfig {
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+pub enum PlantKind {
+    /// By the controller itself
+    #[default]
+    Simulated,
+    /// By another process, which comes to the controller
+    External,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum DynamicsKind {
     #[default]
     Multibody,
@@ -69,6 +92,10 @@ impl Default for PlantConfig {
     fn default() -> Self {
         let world = PancakeConfig::default();
         PlantConfig {
+            kind: PlantKind::default(),
+            program: Vec::new(),
+            socket: None,
+            measures: BTreeMap::new(),
             dynamics: DynamicsKind::default(),
             arm: None,
             tip: "pan".into(),
@@ -105,6 +132,10 @@ impl PlantConfig {
             solver_iterations: self.solver_iterations.unwrap_or(self.dynamics().substeps()),
             ..PancakeConfig::default()
         }
+    }
+
+    pub fn is_external(&self) -> bool {
+        self.kind == PlantKind::External
     }
 
     pub fn dynamics(&self) -> Dynamics {
@@ -148,6 +179,12 @@ impl PlantConfig {
             if !(min..=max).contains(&value) {
                 bail!("plant.{field} is {value}: use a value within {min}..={max}");
             }
+        }
+        if !self.is_external() && !self.program.is_empty() {
+            bail!("plant.program is given, but plant.kind is simulated: set it to external");
+        }
+        if !self.is_external() && !self.measures.is_empty() {
+            bail!("plant.measures are those of an external plant: set plant.kind to external");
         }
         let posture = &self.start_posture_rad;
         if posture.is_empty() || posture.len() > physics::arm::MAX_JOINTS {

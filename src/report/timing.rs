@@ -69,7 +69,7 @@ fn line(timing: &LoopTiming, bins: &Bins) -> String {
         .collect();
     let missed = match timing.pace {
         Pace::Realtime => timing.missed_deadlines.to_string(),
-        Pace::Max => "–".into(),
+        Pace::Max | Pace::Plant => "–".into(),
     };
     format!(
         "<tr><th scope=\"row\">{}</th>{quantiles}<td>{}</td><td>{}</td><td>{missed}</td></tr>\n",
@@ -83,6 +83,7 @@ fn pace_name(pace: Pace) -> &'static str {
     match pace {
         Pace::Realtime => "in real time",
         Pace::Max => "at full speed",
+        Pace::Plant => "by the plant",
     }
 }
 

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use shm_types::channel::EpisodeLoan;
 use shm_types::episode::{Ack, EpisodeHeader};
+use shm_types::measures::Measures;
 use shm_types::policy::{PolicyMsg, PolicyName};
 use shm_types::reason;
 
@@ -181,7 +182,7 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
             applied_ns: done.recording.applied_ns,
             n_records: done.recording.n_records as u64,
             fault: fault as u64,
-            measures: done.measures,
+            measures: checked(&done.measures),
             ..self.header(name)
         }
     }
@@ -320,5 +321,16 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
         // Never full: one rollout is in flight at a time.
         let _ = self.ends.jobs.push(job);
         self.in_flight = Some(InFlight { served, is_proposal, swapped: false });
+    }
+}
+
+/// What the plant measured, if it is fit to be told; an episode is not lost for it.
+fn checked(measures: &Measures) -> Measures {
+    match measures.validate() {
+        Ok(()) => *measures,
+        Err(error) => {
+            tracing::warn!("what the plant measured is dropped: {error}");
+            Measures::NONE
+        }
     }
 }

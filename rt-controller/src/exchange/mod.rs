@@ -117,6 +117,7 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
         let spool = setup.state.map(|dir| open_spool(&dir.join("spool"))).transpose()?;
         Ok(Exchange {
             ports,
+            boot_id: setup.boot_id,
             setup,
             ends,
             report,
@@ -132,7 +133,6 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
             known: Vec::new(),
             to_judge: None,
             to_prove: None,
-            boot_id: boot_id(),
             in_flight: None,
             in_loop: PolicyName::NONE,
             applied_tick: 0,
@@ -154,7 +154,7 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
         while !stop.load(Ordering::Relaxed) && !rt_ended() {
             self.active = false;
             self.report.drain(&self.ports);
-            self.stalls.see(&self.report);
+            self.stalls.see(&self.report, self.setup.latch.is_absent());
             self.serving.passed(self.report.last.record.tick, self.in_flight.is_some());
             self.watch_latch();
             self.take_flights();
@@ -295,7 +295,7 @@ fn restore<P: PartialEq>(setup: &Setup<P>, left: &State) -> Serving<P> {
 }
 
 /// Tells one start of a controller from another. Names a process, decides nothing.
-fn boot_id() -> u64 {
+pub(crate) fn boot_id() -> u64 {
     let clock = rustix::time::clock_gettime(rustix::time::ClockId::Realtime);
     (clock.tv_sec as u64).wrapping_mul(1_000_000_000).wrapping_add(clock.tv_nsec as u64)
 }

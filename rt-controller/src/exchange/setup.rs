@@ -14,6 +14,8 @@ use crate::executor::latch::Latch;
 type Admit<'a, P> = &'a dyn Fn(&PolicyMsg) -> Result<(P, usize), AdmissionError>;
 
 pub(crate) struct Setup<'a, P> {
+    /// Of this start of the controller.
+    pub boot_id: u64,
     /// Of a proposal, which is executed once.
     pub admit: Admit<'a, P>,
     /// Of a policy that is to be served: with the dry run.
@@ -36,7 +38,7 @@ pub(crate) struct Setup<'a, P> {
 
 impl<P> Setup<'_, P> {
     pub fn is_realtime(&self) -> bool {
-        self.pace == Pace::Realtime
+        self.pace != Pace::Max
     }
 
     pub fn is_privileged(&self) -> bool {

@@ -37,8 +37,10 @@ impl Stalls {
     }
 
     /// Once a round of the exchange thread, with what the loop has reported since the one before.
-    pub fn see(&mut self, report: &LoopReport) {
-        self.see_at(Instant::now(), report.fresh, Duration::from_nanos(report.latest_ns));
+    /// While there is no plant nothing ticks.
+    pub fn see(&mut self, report: &LoopReport, is_absent: bool) {
+        let fresh = report.fresh + usize::from(is_absent);
+        self.see_at(Instant::now(), fresh, Duration::from_nanos(report.latest_ns));
     }
 
     fn see_at(&mut self, now: Instant, fresh: usize, late: Duration) {

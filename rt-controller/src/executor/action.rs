@@ -6,13 +6,14 @@ use std::time::Duration;
 
 use nalgebra::Vector3;
 use physics::action::{ActionWorld, Measured};
-use shm_types::cell::Cell;
+use shm_types::cell::{Cell, Role};
 use shm_types::episode::{MAX_RECORDS, TickRecord};
 use shm_types::measures::{Measure, Measures};
 use shm_types::policy::PolicyMsg;
 
 use crate::admit::admission::{Action, admit_action};
 use crate::config::Pace;
+use crate::exchange::boot_id;
 use crate::exchange::setup::Setup;
 use crate::executor::latch::Latch;
 use crate::executor::recording::Recording;
@@ -45,6 +46,7 @@ pub fn run_action<W: ActionWorld + ?Sized>(
     };
     let (never, no_machine) = (AtomicBool::new(false), Latch::new());
     let setup = Setup {
+        boot_id: boot_id(),
         admit: &admit,
         // There is no torque and no way to come to harm.
         admit_to_serve: &admit,
@@ -60,7 +62,8 @@ pub fn run_action<W: ActionWorld + ?Sized>(
         alone_after: None,
         state,
     };
-    serve(cell, setup, stop, |ends| execute(ends, world, stop))
+    let lock = cell.lock(Role::Controller)?;
+    serve(&lock, cell, setup, stop, |ends| execute(ends, world, stop))
 }
 
 /// An action and the path of the tracked object under it.

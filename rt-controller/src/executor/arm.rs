@@ -6,7 +6,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use physics::plant::Plant;
+use physics::plant::{Plant, Presence};
 use rtrb::PushError;
 use shm_types::channel::EpisodeLoan;
 use shm_types::episode::TickRecord;
@@ -27,6 +27,8 @@ use crate::rt::{Clock, Wake, now_ns};
 
 /// How long an unpaced loop sleeps while there is nothing to do.
 const IDLE_SLEEP: Duration = Duration::from_micros(100);
+/// A plant that is the clock is waited for so many periods; then the loop ticks without a new sample.
+const PATIENCE_PERIODS: u32 = 2;
 /// Ticks in time after which an overrun is over.
 const PROBATION_TICKS: u32 = 500;
 
@@ -58,6 +60,8 @@ pub(crate) struct RtLoop<'a, P: Plant> {
     /// Ticks in time before the next rollout may begin.
     n_probation: u32,
     period: Duration,
+    /// What the plant itself measured of a rollout that has ended.
+    outcome: fn(&mut P) -> Measures,
 }
 
 impl<'a, P: Plant> RtLoop<'a, P> {
@@ -67,6 +71,7 @@ impl<'a, P: Plant> RtLoop<'a, P> {
         ends: Ends<Policy>,
         latch: &'a Latch,
         config: &ControllerConfig,
+        outcome: fn(&mut P) -> Measures,
     ) -> RtLoop<'a, P> {
         // A restart does not re-arm.
         if let Some(fault) = latch.fault() {
@@ -87,6 +92,7 @@ impl<'a, P: Plant> RtLoop<'a, P> {
             overruns_max: config.overruns_max,
             n_probation: 0,
             period: Duration::from_nanos(config.period_ns()),
+            outcome,
         }
     }
 
@@ -94,10 +100,43 @@ impl<'a, P: Plant> RtLoop<'a, P> {
         while !stop.load(Ordering::Relaxed) {
             let wake = clock.wait();
             self.watch_deadlines(wake.overruns);
-            self.begin_if_asked();
-            self.swap_if_asked();
+            self.step(wake);
+        }
+    }
+
+    /// By a plant that is the clock. One that is late is held as one whose samples do not come.
+    pub fn run_by_plant(mut self, stop: &AtomicBool) {
+        while !stop.load(Ordering::Relaxed) {
+            self.plant.wait(self.period * PATIENCE_PERIODS);
+            self.step(Wake::UNPACED);
+        }
+    }
+
+    /// A tick, if there is a sample to answer, or one is missing that should be there.
+    fn step(&mut self, wake: Wake) {
+        if matches!(self.take_orders(), Presence::There | Presence::Lost) {
             self.cycle(wake);
         }
+    }
+
+    /// Rollouts and policies that were asked for. A simulator may take its time to make another world; then
+    /// there is no tick before the rollout begins in it.
+    fn take_orders(&mut self) -> Presence {
+        if self.look() == Presence::There {
+            self.begin_if_asked();
+            self.swap_if_asked();
+        }
+        let presence = self.look();
+        if presence == Presence::There && self.preparing.is_some() {
+            self.begin_if_asked();
+        }
+        presence
+    }
+
+    fn look(&mut self) -> Presence {
+        let presence = self.plant.presence();
+        self.latch.set_absent(presence == Presence::Absent);
+        presence
     }
 
     /// Too many deadlines missed in a row hold the arm, and no rollout begins before the loop has
@@ -113,9 +152,14 @@ impl<'a, P: Plant> RtLoop<'a, P> {
 
     pub fn run_unpaced(mut self, stop: &AtomicBool) {
         while !stop.load(Ordering::Relaxed) {
-            self.begin_if_asked();
-            self.swap_if_asked();
+            let presence = self.take_orders();
             match (&self.running, self.controller.latched()) {
+                _ if presence == Presence::Busy => continue,
+                _ if presence == Presence::Absent => {
+                    std::thread::sleep(self.period);
+                    continue;
+                }
+                _ if presence == Presence::Lost => std::thread::sleep(self.period),
                 (Some(_), _) => {}
                 (None, None) if self.preparing.is_some() => std::thread::sleep(self.period),
                 (None, None) if !self.latch.is_hold_asked() => {
@@ -149,6 +193,9 @@ impl<'a, P: Plant> RtLoop<'a, P> {
             }
         }
         if let Some(job) = self.preparing.take_if(|_| self.plant.is_ready()) {
+            if self.plant.is_simulated() {
+                self.controller.find_in_world(&self.plant.measure());
+            }
             self.controller.start(&job.policy);
             self.policy_digest = job.policy_digest;
             let recording = Recording::new(self.record_stride);
@@ -225,11 +272,12 @@ impl<'a, P: Plant> RtLoop<'a, P> {
         if self.controller.phase() == Phase::Idle
             && let Some(running) = self.running.take()
         {
+            let measures = (self.outcome)(self.plant);
             self.deliver(Done {
                 episode: running.episode,
                 recording: running.recording,
                 fault: self.controller.fault(),
-                measures: Measures::NONE,
+                measures,
             });
         }
     }

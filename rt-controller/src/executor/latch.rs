@@ -40,6 +40,8 @@ pub(crate) struct Latch {
     is_asked: AtomicBool,
     /// Asked to hold the arm.
     is_hold_asked: AtomicBool,
+    /// No plant has come yet, so nothing ticks.
+    is_absent: AtomicBool,
 }
 
 impl Latch {
@@ -49,7 +51,19 @@ impl Latch {
             is_present: AtomicBool::new(false),
             is_asked: AtomicBool::new(false),
             is_hold_asked: AtomicBool::new(false),
+            is_absent: AtomicBool::new(false),
         }
+    }
+
+    /// The loop's word on whether a plant has come.
+    pub fn set_absent(&self, is_absent: bool) {
+        if self.is_absent.load(Ordering::Relaxed) != is_absent {
+            self.is_absent.store(is_absent, Ordering::Relaxed);
+        }
+    }
+
+    pub fn is_absent(&self) -> bool {
+        self.is_absent.load(Ordering::Relaxed)
     }
 
     /// As an earlier run left it; before the loop starts.

@@ -1,0 +1,63 @@
+//! A plant in another process: a simulator in lockstep, or a robot whose samples are the clock.
+//!
+//! A thread of its own minds the [`door`]: it lets plants in, compares what they say of themselves with
+//! what is [`expected`], and sees off those that are gone. The rt thread holds the connection through
+//! [`plant`]: a send and a receive a tick, beside the hot path and not in it, and no heap.
+
+pub(crate) mod door;
+pub mod expected;
+pub(crate) mod plant;
+
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use rtrb::{Consumer, Producer, RingBuffer};
+use shm_types::plant::PlantState;
+use shm_types::plant::socket::{Connection, LinkError};
+use thiserror::Error;
+
+/// A plant that was let in, with its first sample.
+pub(crate) struct Arrival {
+    pub link: Arc<Connection>,
+    pub state: PlantState,
+}
+
+/// Why the loop gave a connection up.
+#[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
+pub(crate) enum Ended {
+    #[error(transparent)]
+    Link(#[from] LinkError),
+    #[error("it sent the sample {found} after {last}: number them upwards")]
+    Sequence { found: u64, last: u64 },
+    #[error("its time went from {last} to {found} ns: let it grow with every sample")]
+    Time { found: u64, last: u64 },
+    #[error("it sent a sample of episode {found}, {wanted} was asked for")]
+    Episode { found: u64, wanted: u64 },
+    #[error("it answered with another message than a sample")]
+    Message,
+}
+
+/// What the two threads hand each other.
+pub(crate) struct Ends {
+    pub arrivals: Consumer<Arrival>,
+    pub departures: Producer<Ended>,
+}
+
+pub(crate) struct DoorEnds {
+    pub arrivals: Producer<Arrival>,
+    pub departures: Consumer<Ended>,
+}
+
+/// What the door sees of a connection while the loop does not look.
+#[derive(Default)]
+pub(crate) struct Seen {
+    /// The plant in the loop has closed its end.
+    pub has_hung_up: AtomicBool,
+}
+
+pub(crate) fn rings() -> (Ends, DoorEnds) {
+    // One plant at a time: the next one is let in when the last one has departed.
+    let (arrive, arrivals) = RingBuffer::new(1);
+    let (departures, depart) = RingBuffer::new(1);
+    (Ends { arrivals, departures }, DoorEnds { arrivals: arrive, departures: depart })
+}

@@ -1,0 +1,150 @@
+//! The door that plants come to: a thread that lets one in, watches over it and sees it off.
+//!
+//! Everything that takes its time or its words happens here, so that the rt thread only sends and receives.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use shm_types::plant::socket::{Buffer, Connection, LinkError, Listener, Message, SocketError};
+use shm_types::plant::{MODE_STOP, PlantCommand, PlantHello, PlantState, PlantWelcome};
+
+use crate::remote::expected::Expected;
+use crate::remote::{Arrival, DoorEnds, Ended, Seen};
+
+/// How long a plant may take to say who it is, and then for its first sample.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// Between two looks at everything.
+const ROUND: Duration = Duration::from_millis(20);
+/// A simulator whose time stands still hears this often that somebody is there.
+const SIGN_OF_LIFE: Duration = Duration::from_millis(500);
+
+pub(crate) struct Door {
+    listener: Listener,
+    expected: Expected,
+    boot_id: u64,
+    ends: DoorEnds,
+    seen: Arc<Seen>,
+    uid: u32,
+    /// The plant in the loop.
+    inside: Option<Inside>,
+    told: Instant,
+}
+
+struct Inside {
+    link: Arc<Connection>,
+    name: String,
+}
+
+impl Door {
+    /// Opens it at `path`. Call with the cell's controller lock held.
+    pub fn open(
+        path: &PathBuf,
+        expected: Expected,
+        boot_id: u64,
+        ends: DoorEnds,
+        seen: Arc<Seen>,
+    ) -> Result<Door, SocketError> {
+        let listener = Listener::bind(path)?;
+        tracing::info!(socket = %path.display(), "waiting for a plant");
+        let (uid, told) = (rustix::process::getuid().as_raw(), Instant::now());
+        Ok(Door { listener, expected, boot_id, ends, seen, uid, inside: None, told })
+    }
+
+    /// Until `stop` is set.
+    pub fn run(mut self, stop: &AtomicBool) {
+        while !stop.load(Ordering::Relaxed) {
+            self.look_after();
+            match self.listener.accept(ROUND) {
+                Ok(Some((link, uid))) => self.meet(link, uid),
+                Ok(None) => {}
+                Err(error) => {
+                    tracing::warn!("the door for plants: {error}");
+                    std::thread::sleep(ROUND);
+                }
+            }
+        }
+        if let Some(inside) = &self.inside {
+            // It sees the end of the connection, too.
+            let _ = inside.link.send(&PlantCommand { mode: MODE_STOP, ..PlantCommand::HOLD });
+        }
+    }
+
+    /// The plant in the loop: is it there, does it know that we are?
+    fn look_after(&mut self) {
+        let Some(inside) = &self.inside else { return };
+        if let Ok(ended) = self.ends.departures.pop() {
+            if !matches!(ended, Ended::Link(LinkError::Gone)) {
+                // It may have gone meanwhile.
+                let _ = inside.link.send(&PlantWelcome::refused(&ended.to_string()));
+            }
+            tracing::error!(
+                plant = inside.name,
+                "the plant is lost: {ended}; the arm is held. Start it again, then `skillet rearm`"
+            );
+            self.inside = None;
+            self.seen.has_hung_up.store(false, Ordering::Release);
+            return;
+        }
+        if inside.link.is_gone() {
+            self.seen.has_hung_up.store(true, Ordering::Release);
+        } else if self.expected.is_simulated && self.told.elapsed() >= SIGN_OF_LIFE {
+            self.told = Instant::now();
+            // Full: then it has not even read the last ones.
+            let _ = inside.link.send(&PlantCommand::HOLD);
+        }
+    }
+
+    fn meet(&mut self, link: Connection, uid: u32) {
+        let said = match &self.inside {
+            _ if uid != self.uid => {
+                Err(format!("it runs as user {uid}, the controller as {}: use one user", self.uid))
+            }
+            Some(inside) => Err(format!(
+                "the cell has a plant already, '{}': stop it, or choose another cell",
+                inside.name
+            )),
+            None => self.introduce(&link),
+        };
+        match said {
+            Ok((hello, state)) => {
+                let link = Arc::new(link);
+                let arrival = Arrival { link: link.clone(), state };
+                if self.ends.arrivals.push(arrival).is_ok() {
+                    tracing::info!(plant = hello.name(), "the plant is there");
+                    self.inside = Some(Inside { link, name: hello.name() });
+                }
+            }
+            Err(why) => {
+                tracing::warn!("a plant is refused: {why}");
+                let _ = link.send(&PlantWelcome::refused(&why));
+            }
+        }
+    }
+
+    /// Who is it, does it fit, where is the arm?
+    fn introduce(&self, link: &Connection) -> Result<(PlantHello, PlantState), String> {
+        let mut buffer = Buffer::new();
+        let hello = match link.receive(&mut buffer, PATIENCE) {
+            Ok(Some(Message::Hello(hello))) => *hello,
+            other => return Err(said_instead("Hello", &other)),
+        };
+        self.expected.check(&hello).map_err(|refused| format!("'{}': {refused}", hello.name()))?;
+        let welcome = PlantWelcome::accepted(self.boot_id, self.expected.period_ns);
+        link.send(&welcome).map_err(|error| error.to_string())?;
+        match link.receive(&mut buffer, PATIENCE) {
+            Ok(Some(Message::State(state))) => Ok((hello, *state)),
+            other => Err(said_instead("first State", &other)),
+        }
+    }
+}
+
+fn said_instead(expected: &str, said: &Result<Option<Message>, LinkError>) -> String {
+    let seconds = PATIENCE.as_secs();
+    match said {
+        Ok(Some(_)) => format!("it sent another message than its {expected}"),
+        Ok(None) => format!("it sent no {expected} within {seconds} s"),
+        Err(error) => format!("before its {expected}: {error}"),
+    }
+}

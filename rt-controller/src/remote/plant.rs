@@ -1,0 +1,265 @@
+//! The rt thread's end: a plant that is stepped, or listened to, through a connection.
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use physics::arm::JointVector;
+use physics::plant::{Measurement, ObjectState, Plant, Presence};
+use shm_types::MAX_JOINTS;
+use shm_types::measures::Measures;
+use shm_types::plant::socket::{Buffer, Connection, LinkError, Message};
+use shm_types::plant::{
+    KIND_COMMAND, MODE_RESET, MODE_TRACK, PlantCommand, PlantState, STATE_IN_CONTACT,
+};
+
+use crate::remote::{Arrival, Ended, Ends, Seen};
+
+/// How long the loop waits for a simulator before it looks at everything else.
+const SLICE: Duration = Duration::from_millis(50);
+/// A torque for a real arm is worth something for so many periods.
+const WORTH_PERIODS: u64 = 3;
+/// Between the last sample of one plant and the first of the next one, ns: long enough that nobody compares
+/// the two.
+const CHANGE_NS: u64 = 1_000_000_000;
+
+/// By how much the square of a unit quaternion's norm may differ from 1.
+const UNIT: f64 = 1e-6;
+
+pub(crate) struct RemotePlant {
+    ends: Ends,
+    seen: Arc<Seen>,
+    is_simulated: bool,
+    period_ns: u64,
+    link: Option<Arc<Connection>>,
+    buffer: Buffer,
+    /// The newest sample; none before the first plant has come.
+    state: Option<PlantState>,
+    /// It was not answered yet.
+    is_new: bool,
+    /// A command was sent whose sample is to come.
+    is_stepping: bool,
+    /// Episode that is to be, or is, in progress.
+    wanted: u64,
+    /// From the plant's clock to ours: plants may follow each other, time goes on.
+    offset_ns: u64,
+    n_samples: u64,
+    n_lost: u64,
+    tau: [f64; MAX_JOINTS],
+    outcome: Measures,
+}
+
+impl RemotePlant {
+    /// In lockstep, or a real one that is the clock.
+    pub fn new(ends: Ends, seen: Arc<Seen>, is_simulated: bool, period_ns: u64) -> RemotePlant {
+        RemotePlant {
+            ends,
+            seen,
+            is_simulated,
+            period_ns,
+            link: None,
+            buffer: Buffer::new(),
+            state: None,
+            is_new: false,
+            is_stepping: false,
+            wanted: 0,
+            offset_ns: 0,
+            n_samples: 0,
+            n_lost: 0,
+            tau: [0.0; MAX_JOINTS],
+            outcome: Measures::NONE,
+        }
+    }
+
+    fn take(&mut self, arrival: Arrival) {
+        let last_ns = self.state.map(|state| state.t_ns.wrapping_add(self.offset_ns));
+        self.offset_ns =
+            last_ns.map_or(0, |last| (last + CHANGE_NS).wrapping_sub(arrival.state.t_ns));
+        let is_resetting = self.state.is_some_and(|state| state.episode != self.wanted);
+        self.link = Some(arrival.link);
+        self.accept(arrival.state);
+        self.is_stepping = false;
+        self.wanted = arrival.state.episode;
+        if is_resetting {
+            self.begin_reset();
+        }
+    }
+
+    fn accept(&mut self, state: PlantState) {
+        self.n_samples += 1;
+        self.state = Some(state);
+        (self.is_new, self.is_stepping) = (true, false);
+    }
+
+    /// The connection is over, and the door told why.
+    fn end(&mut self, why: Ended) {
+        if self.link.take().is_some() {
+            // Never full: the next plant is let in once this one was seen off.
+            let _ = self.ends.departures.push(why);
+        }
+        self.is_stepping = false;
+    }
+
+    fn send(&mut self, mode: u64) {
+        let (Some(link), Some(state)) = (&self.link, &self.state) else { return };
+        let command = PlantCommand {
+            kind: KIND_COMMAND,
+            answers_seq: state.seq,
+            episode: self.wanted,
+            mode,
+            expires_ns: state.t_ns.saturating_add(WORTH_PERIODS * self.period_ns),
+            n_lost: self.n_lost,
+            tau: self.tau,
+        };
+        self.is_new = false;
+        match link.send(&command) {
+            Ok(is_taken) => self.is_stepping = is_taken && self.is_simulated,
+            Err(error) => self.end(error.into()),
+        }
+    }
+
+    /// Takes a message that comes within `patience`: whether there was one.
+    fn receive(&mut self, patience: Duration) -> bool {
+        let Some(link) = &self.link else { return false };
+        let message = match self.is_simulated {
+            true => link.receive_answer(&mut self.buffer, patience),
+            false => link.receive(&mut self.buffer, patience),
+        };
+        let received = match message {
+            Ok(None) => return false,
+            Ok(Some(Message::State(state))) => Ok(*state),
+            Ok(Some(Message::Outcome(outcome))) => {
+                if outcome.episode == self.wanted {
+                    self.outcome = outcome.measures();
+                }
+                return true;
+            }
+            Ok(Some(_)) => Err(Ended::Message),
+            Err(error) => Err(error.into()),
+        };
+        match received.and_then(|state| self.check(&state).map(|is_newer| (state, is_newer))) {
+            Ok((state, true)) => self.accept(state),
+            Ok((_, false)) => {}
+            Err(why) => self.end(why),
+        }
+        true
+    }
+
+    /// Whether it is newer than the last one. In lockstep there is no other; a real plant's may come twice
+    /// or late.
+    fn check(&mut self, new: &PlantState) -> Result<bool, Ended> {
+        let Some(last) = &self.state else { return Ok(true) };
+        if new.seq <= last.seq {
+            if self.is_simulated {
+                return Err(Ended::Sequence { found: new.seq, last: last.seq });
+            }
+            return Ok(false);
+        }
+        if new.t_ns <= last.t_ns {
+            return Err(Ended::Time { found: new.t_ns, last: last.t_ns });
+        }
+        let was_asked_for =
+            new.episode == self.wanted || (!self.is_simulated && new.episode == last.episode);
+        if !was_asked_for {
+            return Err(Ended::Episode { found: new.episode, wanted: self.wanted });
+        }
+        if !self.is_simulated {
+            self.n_lost += new.seq - last.seq - 1;
+        }
+        Ok(true)
+    }
+
+    /// What the plant itself measured of the episode; once.
+    pub fn take_outcome(&mut self) -> Measures {
+        std::mem::replace(&mut self.outcome, Measures::NONE)
+    }
+}
+
+impl Plant for RemotePlant {
+    fn is_simulated(&self) -> bool {
+        self.is_simulated
+    }
+
+    fn begin_reset(&mut self) {
+        self.wanted += 1;
+        self.outcome = Measures::NONE;
+        if self.is_simulated {
+            self.send(MODE_RESET);
+        }
+    }
+
+    fn is_ready(&self) -> bool {
+        self.state.is_some_and(|state| state.episode == self.wanted)
+    }
+
+    fn measure(&self) -> Measurement {
+        let state = self.state.unwrap_or(PlantState::EMPTY);
+        let [w, i, j, k] = state.object_quaternion;
+        // One that is no rotation counts as not a number: the loop holds the arm.
+        let is_unit = (w * w + i * i + j * j + k * k - 1.0).abs() < UNIT;
+        let w = if is_unit { w } else { f64::NAN };
+        Measurement {
+            q: JointVector::from_column_slice(&state.q),
+            qd: JointVector::from_column_slice(&state.qd),
+            object: ObjectState {
+                p_WO: Vector3::from(state.object_position),
+                R_WO: UnitQuaternion::new_unchecked(Quaternion::new(w, i, j, k)),
+                in_contact: state.flags & STATE_IN_CONTACT != 0,
+            },
+            sample: self.n_samples,
+            t_ns: state.t_ns.wrapping_add(self.offset_ns),
+        }
+    }
+
+    /// A real arm gets it at once, a simulator with its next step.
+    fn apply(&mut self, tau: &JointVector) {
+        self.tau.copy_from_slice(tau.as_slice());
+        if !self.is_simulated && self.is_new {
+            self.send(if self.is_ready() { MODE_TRACK } else { MODE_RESET });
+        }
+    }
+
+    fn advance(&mut self) {
+        if !self.is_stepping {
+            self.send(MODE_TRACK);
+        }
+        self.presence();
+    }
+
+    fn presence(&mut self) -> Presence {
+        if let Ok(arrival) = self.ends.arrivals.pop() {
+            self.take(arrival);
+        }
+        if self.seen.has_hung_up.load(Ordering::Acquire) && !self.is_stepping {
+            self.end(LinkError::Gone.into());
+        }
+        if self.is_stepping {
+            let start = Instant::now();
+            while self.is_stepping && start.elapsed() < SLICE {
+                self.receive(SLICE);
+            }
+        }
+        match (&self.link, &self.state) {
+            (Some(_), Some(_)) if self.is_stepping => Presence::Busy,
+            (Some(_), Some(_)) => Presence::There,
+            (None, Some(_)) => Presence::Lost,
+            (_, None) => Presence::Absent,
+        }
+    }
+
+    fn wait(&mut self, longest: Duration) {
+        let start = Instant::now();
+        while self.link.is_some() && !self.is_new {
+            match longest.checked_sub(start.elapsed()) {
+                Some(left) => self.receive(left),
+                None => break,
+            };
+        }
+        if self.link.is_none() {
+            std::thread::sleep(longest);
+        }
+        // Only the newest counts.
+        while self.receive(Duration::ZERO) {}
+    }
+}

@@ -1,0 +1,355 @@
+//! A plant at the other end of a socket: what the loop does when it misbehaves, is late, or dies.
+
+mod common;
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, AtomicI32, AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+
+use common::{referee, wam};
+use physics::arm::{ArmModel, JointVector};
+use physics::ideal::IdealArm;
+use physics::pancake::WAM7_START_POSTURE;
+use physics::plant::{Measurement, Plant};
+use rand::RngExt;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rt_controller::remote::expected::Expected;
+use rt_controller::run::External;
+use rt_controller::{ControllerConfig, Pace, RunSummary, run_external};
+use shm_types::cell::Cell;
+use shm_types::command::{COMMAND_REARM, COMMAND_STOP, Command, Status};
+use shm_types::episode::FAULT_MEASUREMENT_STALE;
+use shm_types::plant::socket::{Buffer, Connection, Message};
+use shm_types::plant::{
+    MODE_RESET, PLANT_CAN_RESET, PLANT_SIMULATED, PlantCommand, PlantHello, PlantState,
+};
+use shm_types::ports::ToolPorts;
+
+const SOON: Duration = Duration::from_secs(30);
+
+/// Counts the heap operations of one thread.
+struct CountingAllocator;
+
+static WATCHED: AtomicI32 = AtomicI32::new(0);
+static HEAP_OPERATIONS: AtomicU64 = AtomicU64::new(0);
+
+fn count() {
+    let watched = WATCHED.load(Ordering::Relaxed);
+    if watched != 0 && watched == rustix::thread::gettid().as_raw_nonzero().get() {
+        HEAP_OPERATIONS.fetch_add(1, Ordering::Relaxed);
+    }
+}
+
+#[allow(unsafe_code)]
+// SAFETY: every call goes to the system allocator unchanged.
+unsafe impl GlobalAlloc for CountingAllocator {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count();
+        unsafe { System.alloc(layout) }
+    }
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        count();
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: CountingAllocator = CountingAllocator;
+
+/// A thread of this process by its name.
+fn thread_named(name: &str) -> Option<i32> {
+    let tasks = std::fs::read_dir("/proc/self/task").unwrap().flatten();
+    let is_it = |path: &PathBuf| {
+        std::fs::read_to_string(path.join("comm")).is_ok_and(|comm| comm.trim() == name)
+    };
+    let path = tasks.map(|task| task.path()).find(is_it)?;
+    path.file_name()?.to_str()?.parse().ok()
+}
+
+/// A controller that waits for a plant, while `operate` goes on.
+fn with_controller<T>(
+    name: &str,
+    pace: Pace,
+    operate: impl FnOnce(&ArmModel, &PathBuf, &ToolPorts) -> T,
+) -> (RunSummary, T) {
+    let (model, config) = (wam(), ControllerConfig::default());
+    let cell = Cell::new(&format!("{name}-{}", std::process::id())).unwrap();
+    let dir = tempfile::tempdir().unwrap();
+    let socket = dir.path().join("plant.sock");
+    let stop = AtomicBool::new(false);
+    let result = std::thread::scope(|scope| {
+        let controller = scope.spawn(|| {
+            let expected = Expected::of(&model, config.period_ns(), pace != Pace::Plant);
+            let external = External { socket: socket.clone(), expected };
+            let arm = (&model, WAM7_START_POSTURE, referee());
+            run_external(&cell, &config, pace, arm, external, None, &stop).unwrap()
+        });
+        let tool = ToolPorts::open(&cell, SOON).unwrap();
+        let said = operate(&model, &socket, &tool);
+        tool.request(&Command::new(COMMAND_STOP, 99), SOON).unwrap();
+        (controller.join().unwrap(), said)
+    });
+    cell.remove_if_idle();
+    result
+}
+
+/// The plant's end, in as many words as a driver has.
+struct Driver<'a> {
+    link: Connection,
+    buffer: Buffer,
+    arm: IdealArm<'a>,
+    state: PlantState,
+    limits: JointVector,
+    last: Option<JointVector>,
+}
+
+impl<'a> Driver<'a> {
+    fn connect(model: &'a ArmModel, socket: &PathBuf, flags: u64) -> Driver<'a> {
+        let link = Connection::connect(socket, SOON).unwrap();
+        let q = WAM7_START_POSTURE.into();
+        link.send(&PlantHello { n_joints: 7, period_ns: 1_000_000, flags, q, ..PlantHello::EMPTY })
+            .unwrap();
+        let mut buffer = Buffer::new();
+        match link.receive(&mut buffer, SOON).unwrap() {
+            Some(Message::Welcome(welcome)) => {
+                assert_eq!(welcome.accepted, 1, "{}", shm_types::reason::unpack(&welcome.reason));
+            }
+            other => panic!("{other:?}"),
+        }
+        let arm = IdealArm::new(model, &WAM7_START_POSTURE, 1e-3, 0.01);
+        let limits = model.limits().tau_max;
+        Driver { link, buffer, arm, state: PlantState::EMPTY, limits, last: None }
+    }
+
+    /// The state of the arm, as the next sample.
+    fn next(&mut self) -> PlantState {
+        let Measurement { q, qd, .. } = self.arm.measure();
+        self.state.seq += 1;
+        self.state.t_ns += 1_000_000;
+        (self.state.q, self.state.qd) = (q.into(), qd.into());
+        self.state
+    }
+
+    fn send(&self, state: &PlantState) -> bool {
+        self.link.send(state).is_ok()
+    }
+
+    /// A command within `patience`, whose torque must be within the limits and the rate.
+    fn command(&mut self, patience: Duration) -> Option<PlantCommand> {
+        let command = match self.link.receive(&mut self.buffer, patience).ok()?? {
+            Message::Command(command) => *command,
+            _ => return None,
+        };
+        if command.mode == shm_types::plant::MODE_HOLD {
+            return self.command(patience);
+        }
+        let tau = JointVector::from(command.tau);
+        let step = self.limits * (0.2 * (1.0 + 1e-12));
+        for i in 0..7 {
+            assert!(tau[i].abs() <= self.limits[i], "joint {i} gets {} N·m", tau[i]);
+            let before = self.last.map_or(tau[i], |last| last[i]);
+            assert!((tau[i] - before).abs() <= step[i], "joint {i}: {before} to {}", tau[i]);
+        }
+        self.last = Some(tau);
+        Some(command)
+    }
+
+    /// Samples and answers, in lockstep or at the pace of the answers.
+    fn run(&mut self, n: u64) -> u64 {
+        let mut answered = 0;
+        for _ in 0..n {
+            let state = self.next();
+            if !self.send(&state) {
+                return answered;
+            }
+            let Some(command) = self.command(SOON) else { return answered };
+            answered += u64::from(command.answers_seq == state.seq);
+            if command.mode == MODE_RESET {
+                self.arm.begin_reset();
+                self.state.episode = command.episode;
+                self.last = None;
+            } else {
+                self.arm.apply(&JointVector::from(command.tau));
+                self.arm.advance();
+            }
+        }
+        answered
+    }
+}
+
+fn until(tool: &ToolPorts, what: &str, is_so: impl Fn(&Status) -> bool) -> Status {
+    let start = Instant::now();
+    while start.elapsed() < SOON {
+        if let Some(status) = tool.status(SOON).filter(&is_so) {
+            return status;
+        }
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    panic!("{what}: not within {SOON:?}");
+}
+
+fn stale(status: &Status) -> bool {
+    status.latched_fault == FAULT_MEASUREMENT_STALE
+}
+
+/// Serialises the tests: they share the allocator's count.
+static TURN: std::sync::Mutex<()> = std::sync::Mutex::new(());
+
+fn turn() -> std::sync::MutexGuard<'static, ()> {
+    TURN.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+}
+
+#[test]
+fn the_loop_touches_no_heap_over_a_plant_that_is_the_clock() {
+    let _turn = turn();
+    let n = 20_000;
+    let (summary, answered) = with_controller("rheap", Pace::Plant, |model, socket, tool| {
+        let mut driver = Driver::connect(model, socket, 0);
+        // The first ticks may write to the log.
+        assert!(driver.run(1000) > 990);
+        WATCHED.store(thread_named("skillet-rt").unwrap(), Ordering::Relaxed);
+        HEAP_OPERATIONS.store(0, Ordering::Relaxed);
+        let answered = driver.run(n);
+        WATCHED.store(0, Ordering::Relaxed);
+        assert_eq!(tool.status(SOON).unwrap().latched_fault, 0);
+        answered
+    });
+    assert!(answered > n * 99 / 100, "{answered} of {n} answered");
+    assert!(summary.ticks >= n, "{} ticks", summary.ticks);
+    assert_eq!(HEAP_OPERATIONS.load(Ordering::Relaxed), 0, "in {n} ticks");
+    // The guard sees a thread that allocates.
+    WATCHED.store(rustix::thread::gettid().as_raw_nonzero().get(), Ordering::Relaxed);
+    drop(std::hint::black_box(Box::new(1)));
+    WATCHED.store(0, Ordering::Relaxed);
+    assert!(HEAP_OPERATIONS.load(Ordering::Relaxed) >= 2);
+}
+
+/// Samples are lost, come twice, late and out of order: every torque stays within its bounds (the driver
+/// asserts it), every gap is counted, and the arm is not held for it.
+fn disturbed(n: u64) {
+    let ((), lost) = {
+        let (_, lost) = with_controller("rloss", Pace::Plant, |model, socket, tool| {
+            let mut driver = Driver::connect(model, socket, 0);
+            let mut rng = ChaCha8Rng::seed_from_u64(1);
+            let (mut lost, mut told, mut last) = (0, 0, PlantState::EMPTY);
+            for _ in 0..n {
+                let state = driver.next();
+                let chance: f64 = rng.random();
+                match chance {
+                    // It never arrives.
+                    c if c < 0.01 => lost += 1,
+                    c if c < 0.02 => {
+                        assert!(driver.send(&state) && driver.send(&state));
+                    }
+                    // The one before comes once more, after it or before.
+                    c if c < 0.03 && last.seq > 0 => {
+                        assert!(driver.send(&state) && driver.send(&last));
+                    }
+                    c if c < 0.04 && last.seq > 0 => {
+                        assert!(driver.send(&last) && driver.send(&state));
+                    }
+                    c if c < 0.0405 => {
+                        std::thread::sleep(Duration::from_micros(1500));
+                        assert!(driver.send(&state));
+                    }
+                    _ => assert!(driver.send(&state)),
+                }
+                if chance >= 0.01 {
+                    last = state;
+                    if let Some(command) = driver.command(SOON) {
+                        told = command.n_lost;
+                        driver.arm.apply(&JointVector::from(command.tau));
+                    }
+                }
+                driver.arm.advance();
+            }
+            assert_eq!(tool.status(SOON).unwrap().latched_fault, 0);
+            // The last one may have been lost, and nobody knows yet.
+            assert!(lost - told <= 2, "{lost} samples were lost, the controller counts {told}");
+            lost
+        });
+        ((), lost)
+    };
+    assert!(lost > n / 200, "only {lost} were lost");
+}
+
+#[test]
+fn jitter_loss_duplicates_and_disorder_move_nothing_beyond_its_bounds() {
+    let _turn = turn();
+    disturbed(20_000);
+}
+
+#[test]
+#[ignore = "a million samples: some minutes"]
+fn the_same_for_a_million_samples() {
+    let _turn = turn();
+    disturbed(1_000_000);
+}
+
+/// Each of them ends the connection or the samples; the arm is held, and what comes next needs a re-arm.
+#[test]
+fn a_plant_that_lies_latches_and_the_next_one_needs_a_rearm() {
+    let _turn = turn();
+    let lies: [(&str, fn(&mut PlantState)); 4] = [
+        ("number them upwards", |state| state.seq -= 5),
+        ("let it grow", |state| state.t_ns -= 3_000_000),
+        ("was asked for", |state| state.episode += 7),
+        ("another message", |_| {}),
+    ];
+    let flags = PLANT_SIMULATED | PLANT_CAN_RESET;
+    with_controller("rlies", Pace::Realtime, |model, socket, tool| {
+        for (id, (words, lie)) in (1..).zip(lies) {
+            let mut driver = Driver::connect(model, socket, flags);
+            assert!(driver.run(300) >= 299, "{words}");
+            if id > 1 {
+                let rearmed = tool.request(&Command::new(COMMAND_REARM, id), SOON).unwrap();
+                assert_eq!(rearmed.accepted, 1, "{}", rearmed.reason_text());
+            }
+            let mut state = driver.next();
+            lie(&mut state);
+            if words == "another message" {
+                driver.link.send(&PlantCommand::HOLD).unwrap();
+            } else {
+                driver.send(&state);
+            }
+            let said = loop {
+                match driver.link.receive(&mut driver.buffer, SOON).unwrap() {
+                    Some(Message::Welcome(welcome)) => {
+                        break shm_types::reason::unpack(&welcome.reason);
+                    }
+                    Some(_) => {}
+                    None => panic!("{words}: the controller said nothing"),
+                }
+            };
+            assert!(said.contains(words) || words == "another message", "{said}");
+            drop(driver);
+            until(tool, words, stale);
+            let early = tool.request(&Command::new(COMMAND_REARM, 50 + id), SOON).unwrap();
+            assert_eq!(early.accepted, 0, "there is no plant");
+        }
+    });
+}
+
+#[test]
+fn a_number_that_is_none_latches_and_the_arm_is_held() {
+    let _turn = turn();
+    with_controller("rnan", Pace::Plant, |model, socket, tool| {
+        let mut driver = Driver::connect(model, socket, 0);
+        driver.run(300);
+        for spoil in [
+            |state: &mut PlantState| state.qd[2] = f64::NAN,
+            |state: &mut PlantState| state.object_quaternion = [0.0; 4],
+        ] {
+            let mut state = driver.next();
+            spoil(&mut state);
+            driver.send(&state);
+            driver.command(SOON).expect("an answer all the same");
+            until(tool, "a latch", |status| status.latched_fault != 0);
+            driver.run(300);
+            let rearmed = tool.request(&Command::new(COMMAND_REARM, 7), SOON).unwrap();
+            assert_eq!(rearmed.accepted, 1, "{}", rearmed.reason_text());
+        }
+    });
+}
