@@ -69,3 +69,32 @@ fn a_subscriber_in_python_sees_the_loop() {
     assert!(seen > 500, "{text}");
     assert!(text.contains("pan at [0.7"), "the layouts agree: {text}");
 }
+
+#[test]
+fn the_client_for_plants_behaves_whatever_its_controller_does() {
+    let Some(python) = python_with("struct") else { return };
+    let tests = script("clients/python");
+    let output =
+        Command::new(&python).args(["-m", "unittest", "discover"]).arg(tests).output().unwrap();
+    let said = stderr(&output);
+    assert!(output.status.success(), "{said}");
+    let counted = said.split("Ran ").nth(1).and_then(|rest| rest.split(' ').next());
+    let n: u32 = counted.and_then(|n| n.parse().ok()).unwrap();
+    assert!(n >= 25, "{said}");
+}
+
+/// The whole road: MuJoCo in Rapier's place, checked as its author would, then learnt from scratch.
+#[test]
+fn a_pancake_is_learnt_in_mujoco() {
+    let Some(python) = python_with("mujoco") else { return };
+    let bench = Bench::new();
+    let program = format!("{python} {}", script("examples/plant_mujoco.py").display());
+    let checked = bench.run(&["plant", "check", "--samples", "300", "--program", &program]);
+    assert_eq!(checked.status.code(), Some(0), "{}", stderr(&checked));
+    let learn = ["learn", "pancake", "--seed", "6", "--rollouts", "24", "--out", "s"];
+    bench.ok(&[&learn[..], &["--plant-program", &program]].concat());
+    let trials = bench.trials("s");
+    assert_eq!(trials.len(), 24);
+    assert!(trials.iter().all(|trial| trial.was_executed()));
+    assert!(trials.iter().any(|trial| trial.success), "no flip was caught");
+}
