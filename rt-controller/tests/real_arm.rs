@@ -271,3 +271,30 @@ fn the_push_from_a_joint_limit_wins_against_the_stiffest_policy() {
         }
     }
 }
+
+/// A driver's arm holds more than its model knows of: 150 g at the pan bend the wrist by twice what counts
+/// as arrived.
+#[test]
+fn a_load_that_the_model_does_not_know_keeps_no_rollout_from_beginning() {
+    let (model, config) = (wam(), ControllerConfig::default());
+    let urdf = include_str!("../../robots/wam7/wam7_pan.urdf");
+    let heavier = urdf.replacen(r#"<mass value="0.5"/>"#, r#"<mass value="0.65"/>"#, 1);
+    let loaded = ArmModel::from_urdf(&heavier, "pan").unwrap();
+    let mut arm = IdealArm::new(&loaded, &WAM7_START_POSTURE, config.period_s(), 0.01);
+    let mut controller = controller(&model, &config);
+    let policy = admit(&message(0.02, 200.0), &model, &config).unwrap();
+    // It has sunk to where the hold carries the load.
+    for _ in 0..3000 {
+        cycle(&mut controller, &mut arm);
+    }
+    assert!((arm.measure().q - WAM7_START_POSTURE).amax() > 0.02, "the load bends nothing");
+    controller.start(&policy);
+    let ticks = (0..10_000).take_while(|_| {
+        cycle(&mut controller, &mut arm);
+        controller.phase() != Phase::Execute
+    });
+    let ticks = ticks.count();
+    assert!(ticks < 6000, "no rollout after {ticks} ticks");
+    assert!((arm.measure().q - WAM7_START_POSTURE).amax() < 0.03);
+    assert_eq!(controller.fault(), Fault::None);
+}

@@ -20,6 +20,10 @@ const APPROACH_SPEED: f64 = 0.5;
 const APPROACH_TOLERANCE: f64 = 0.02;
 const APPROACH_REST: f64 = 0.15;
 const APPROACH_TIMEOUT_S: f64 = 20.0;
+/// A load that the model does not know keeps the arm from its start posture: after the shortest Approach the
+/// reference moves against what is missing, at this rate, s⁻¹, and by so much at most, rad.
+const TRIM_RATE: f64 = 2.0;
+const TRIM_MAX: f64 = 0.2;
 /// The most that the clock moves between two samples, s: a movement does not go on in a gap that the
 /// monitor calls one, and a leap of the plant's clock is no lunge of the arm.
 const MAX_STEP_S: f64 = 0.01;
@@ -60,6 +64,8 @@ pub struct Rollout {
     /// Where the arm was at the first good sample of this Idle or Approach: what Idle holds and the
     /// Approach leaves from. No posture is assumed before the arm has shown one.
     q_start: Option<JointVector>,
+    /// Added to the start posture as the Approach's reference, rad.
+    trim: JointVector,
     /// The arm rests at the start posture.
     arrived: bool,
     timed_out: bool,
@@ -86,6 +92,7 @@ impl Rollout {
             settle_s: config.settle_s,
             q0: *q0,
             q_start: None,
+            trim: JointVector::zeros(),
             arrived: false,
             timed_out: false,
             policy: Policy::new(&PolicyMsg::EMPTY),
@@ -174,7 +181,14 @@ impl Rollout {
         let way = self.q0 - q_start;
         let duration = way.abs().max() / APPROACH_SPEED;
         let t = self.elapsed * self.period_s;
-        if t >= duration { self.q0 } else { q_start + way * (t / duration) }
+        if t < duration {
+            return q_start + way * (t / duration);
+        }
+        if self.elapsed > self.approach {
+            let trim = self.trim + (self.q0 - q) * (TRIM_RATE * self.period_s);
+            self.trim = trim.map(|trim| trim.clamp(-TRIM_MAX, TRIM_MAX));
+        }
+        self.q0 + self.trim
     }
 
     /// Takes in what the world looks like in this tick.
@@ -250,7 +264,7 @@ impl Rollout {
     }
 
     fn enter(&mut self, phase: Phase) {
-        (self.q_start, self.arrived) = (None, false);
+        (self.q_start, self.trim, self.arrived) = (None, JointVector::zeros(), false);
         self.phase = phase;
         (self.elapsed, self.executed, self.is_new) = (0.0, 0.0, true);
     }
