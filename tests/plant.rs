@@ -194,3 +194,23 @@ fn a_plant_in_c_is_stepped() {
     assert_eq!(bad.status.code(), Some(1));
     assert!(stderr(&bad).contains("cell name"), "{}", stderr(&bad));
 }
+
+/// Whoever sits before a `learn` is told why nothing comes any more, and what to do.
+#[test]
+fn learn_says_that_the_arm_is_held() {
+    let bench = Bench::new();
+    let serve = serve();
+    let learn = ["learn", "pancake", "--rollouts", "40", "--out", "s", "--plant-program", &serve];
+    let running = bench.start(&learn);
+    bench.wait_for_trials("s", 2);
+    let cell = format!("learn-{}", running.pid());
+    bench.ok(&["hold", "--cell", &cell]);
+    std::thread::sleep(std::time::Duration::from_secs(5));
+    bench.ok(&["rearm", "--cell", &cell]);
+    let output = running.wait();
+    let said = stderr(&output);
+    assert!(output.status.success(), "{said}");
+    assert!(said.contains("the arm is held: somebody asked for the hold"), "{said}");
+    assert!(said.contains(&format!("skillet rearm --cell {cell}")), "{said}");
+    assert_eq!(bench.trials("s").len(), 40);
+}

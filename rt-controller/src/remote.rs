@@ -23,7 +23,7 @@ pub(crate) struct Arrival {
 }
 
 /// Why the loop gave a connection up.
-#[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub(crate) enum Ended {
     #[error(transparent)]
     Link(#[from] LinkError),
@@ -33,6 +33,11 @@ pub(crate) enum Ended {
     Time { found: u64, last: u64 },
     #[error("it sent a sample of episode {found}, {wanted} was asked for")]
     Episode { found: u64, wanted: u64 },
+    #[error(
+        "after a reset its joint {joint} is at {found:.4} rad and {speed:.4} rad/s: put it to the start \
+         posture, {wanted:.4} rad, at rest"
+    )]
+    Start { joint: usize, found: f64, speed: f64, wanted: f64 },
     #[error("it answered with another message than a sample")]
     Message,
 }

@@ -81,8 +81,7 @@ pub fn run_external(
     let (ends, door_ends) = remote::rings();
     let seen = Arc::new(Seen::default());
     let External { socket, expected } = external;
-    let is_simulated = expected.is_simulated;
-    let mut plant = RemotePlant::new(ends, seen.clone(), is_simulated, config.period_ns());
+    let mut plant = RemotePlant::new(ends, seen.clone(), &expected, &arm.1);
     let door = Door::open(&socket, expected, setting.boot_id, door_ends, seen)?;
     let is_over = AtomicBool::new(false);
     let (model, q0, referee) = arm;

@@ -68,6 +68,15 @@ fn thread_named(name: &str) -> Option<i32> {
     path.file_name()?.to_str()?.parse().ok()
 }
 
+/// Stops a controller when its test ends, by a panic as well: nobody waits for it for ever.
+struct Stopping<'a>(&'a AtomicBool);
+
+impl Drop for Stopping<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
 /// A controller that waits for a plant, while `operate` goes on.
 fn with_controller<T>(
     name: &str,
@@ -86,6 +95,7 @@ fn with_controller<T>(
             let arm = (&model, WAM7_START_POSTURE, referee());
             run_external(&cell, &config, pace, arm, external, None, &stop).unwrap()
         });
+        let _stopping = Stopping(&stop);
         let tool = ToolPorts::open(&cell, SOON).unwrap();
         let said = operate(&model, &socket, &tool);
         tool.request(&Command::new(COMMAND_STOP, 99), SOON).unwrap();

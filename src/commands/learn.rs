@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, bail};
 use learner::store::Store;
 use learner::summary::Summary as Achievement;
+use rt_controller::fault::Fault;
 use serde_json::json;
 use shm_types::cell::{Cell, runtime_dir};
 use shm_types::command::Status;
@@ -32,6 +33,8 @@ use crate::{commands, external, judging, setup};
 
 const PRIVATE_CELL: &str = "learn-";
 const WATCH: Duration = Duration::from_millis(50);
+/// Between two looks at an arm from which no trial comes.
+const LOOK: Duration = Duration::from_secs(2);
 
 pub fn run(args: &LearnArgs) -> Result<Verdict> {
     let (folder, config) = prepare(args)?;
@@ -170,7 +173,7 @@ fn run_services(
     let lines = learner.lines().context("reading the learner's progress")?;
     let mut services =
         Services { controller: &mut controller, learner: &mut learner, plant: plant.as_mut() };
-    let outcome = watch(&mut services, &lines, &progress, stop);
+    let outcome = watch(&mut services, cell, &lines, &progress, stop);
     progress.finish();
 
     let status = ToolPorts::open(cell, Duration::from_millis(500))
@@ -216,19 +219,21 @@ fn expect_success(service: &Service, status: ExitStatus) -> Result<()> {
 /// this run, the time from the first to the last, and whether it was interrupted.
 fn watch(
     Services { controller, learner, plant }: &mut Services,
+    cell: &Cell,
     lines: &Receiver<String>,
     progress: &Progress,
     stop: &AtomicBool,
 ) -> Result<(u64, Duration, bool)> {
     let start = Instant::now();
     let mut trials = 0;
+    let mut held = Held::new(cell);
     loop {
         match lines.recv_timeout(WATCH) {
             Ok(line) => {
                 trials += show(&line, progress)?;
                 continue;
             }
-            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Timeout) => held.look(progress),
             // Its end is near, but a process ends a little after its output.
             Err(RecvTimeoutError::Disconnected) => std::thread::sleep(Duration::from_millis(1)),
         }
@@ -265,6 +270,37 @@ fn watch(
                 controller.obituary(status)
             );
         }
+    }
+}
+
+/// Looks now and then whether the arm is held, while no trial comes, and says so once.
+struct Held<'a> {
+    cell: &'a Cell,
+    looked: Instant,
+    told: u64,
+}
+
+impl Held<'_> {
+    fn new(cell: &Cell) -> Held<'_> {
+        Held { cell, looked: Instant::now(), told: 0 }
+    }
+
+    fn look(&mut self, progress: &Progress) {
+        if self.looked.elapsed() < LOOK {
+            return;
+        }
+        self.looked = Instant::now();
+        let status = ToolPorts::open(self.cell, WATCH).ok().and_then(|ports| ports.status(WATCH));
+        let Some(status) = status else { return };
+        if status.latched_fault != self.told && status.latched_fault != 0 {
+            progress.note(&format!(
+                "the arm is held: {}; once the cause is gone, `skillet rearm --cell {}` lets the \
+                 session go on",
+                Fault::describe(status.latched_fault as u32),
+                self.cell.name()
+            ));
+        }
+        self.told = status.latched_fault;
     }
 }
 

@@ -42,7 +42,8 @@ impl Line {
         let start = Instant::now();
         loop {
             let left = patience.saturating_sub(start.elapsed());
-            match self.link.receive(&mut self.buffer, left).context("receiving a sample")? {
+            let message = self.link.receive_answer(&mut self.buffer, left);
+            match message.context("receiving a sample")? {
                 Some(Message::State(state)) => return Ok(Some(*state)),
                 Some(Message::Outcome(PlantOutcome { .. })) => {}
                 Some(other) => bail!("it sent another message than a sample: {other:?}"),

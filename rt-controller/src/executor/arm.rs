@@ -136,6 +136,10 @@ impl<'a, P: Plant> RtLoop<'a, P> {
     fn look(&mut self) -> Presence {
         let presence = self.plant.presence();
         self.latch.set_absent(presence == Presence::Absent);
+        if matches!(presence, Presence::Busy | Presence::Absent) {
+            // Nothing ticks; whoever asks for a hold or a re-arm is answered all the same.
+            self.latch.follow(&mut self.controller);
+        }
         presence
     }
 
@@ -193,9 +197,6 @@ impl<'a, P: Plant> RtLoop<'a, P> {
             }
         }
         if let Some(job) = self.preparing.take_if(|_| self.plant.is_ready()) {
-            if self.plant.is_simulated() {
-                self.controller.find_in_world(&self.plant.measure());
-            }
             self.controller.start(&job.policy);
             self.policy_digest = job.policy_digest;
             let recording = Recording::new(self.record_stride);

@@ -28,9 +28,6 @@ use crate::hot::wrench::{ArmState, computed_torque, operational_space_torque};
 const POSITION_TOLERANCE: f64 = 0.2;
 const SPEED_TOLERANCE: f64 = 2.0;
 
-/// Postures this close are one, rad.
-const SAME_POSTURE: f64 = 1e-3;
-
 /// Everything the hot path keeps between two ticks.
 #[derive(Clone, Copy)]
 pub struct Controller<'a> {
@@ -104,19 +101,6 @@ impl<'a> Controller<'a> {
         let start = Estimate { q: *self.rollout.q0(), qd: JointVector::zeros() };
         self.last_tau = Some(rest_torque(self.model, &start));
         self.estimate = Some(start);
-        self.rollout.stay();
-    }
-
-    /// Where the fresh world of a simulator really has the arm: the Approach leaves from there.
-    pub fn find_in_world(&mut self, measured: &Measurement) {
-        let shown = Estimate::shown(measured);
-        let is_as_said = self.estimate.is_some_and(|said| (said.q - shown.q).amax() < SAME_POSTURE);
-        if is_as_said || !shown.is_plausible(self.model) {
-            return;
-        }
-        self.monitor.restart();
-        self.last_tau = Some(rest_torque(self.model, &shown));
-        self.estimate = Some(shown);
         self.rollout.stay();
     }
 

@@ -14,6 +14,7 @@ use shm_types::plant::{
     KIND_COMMAND, MODE_RESET, MODE_TRACK, PlantCommand, PlantState, STATE_IN_CONTACT,
 };
 
+use crate::remote::expected::Expected;
 use crate::remote::{Arrival, Ended, Ends, Seen};
 
 /// How long the loop waits for a simulator before it looks at everything else.
@@ -24,6 +25,8 @@ const WORTH_PERIODS: u64 = 3;
 /// the two.
 const CHANGE_NS: u64 = 1_000_000_000;
 
+/// How far from the start posture an episode may begin, rad, and how fast, rad/s.
+const START_TOLERANCE: f64 = 0.01;
 /// By how much the square of a unit quaternion's norm may differ from 1.
 const UNIT: f64 = 1e-6;
 
@@ -32,6 +35,9 @@ pub(crate) struct RemotePlant {
     seen: Arc<Seen>,
     is_simulated: bool,
     period_ns: u64,
+    /// Where a simulator's episodes begin, rad.
+    q0: JointVector,
+    n_joints: usize,
     link: Option<Arc<Connection>>,
     buffer: Buffer,
     /// The newest sample; none before the first plant has come.
@@ -52,12 +58,14 @@ pub(crate) struct RemotePlant {
 
 impl RemotePlant {
     /// In lockstep, or a real one that is the clock.
-    pub fn new(ends: Ends, seen: Arc<Seen>, is_simulated: bool, period_ns: u64) -> RemotePlant {
+    pub fn new(ends: Ends, seen: Arc<Seen>, expected: &Expected, q0: &JointVector) -> RemotePlant {
         RemotePlant {
             ends,
             seen,
-            is_simulated,
-            period_ns,
+            is_simulated: expected.is_simulated,
+            period_ns: expected.period_ns,
+            q0: *q0,
+            n_joints: expected.joint_names.len(),
             link: None,
             buffer: Buffer::new(),
             state: None,
@@ -166,8 +174,23 @@ impl RemotePlant {
         }
         if !self.is_simulated {
             self.n_lost += new.seq - last.seq - 1;
+        } else if new.episode != last.episode {
+            self.check_start(new)?;
         }
         Ok(true)
+    }
+
+    /// The loop takes the arm to rest at its start posture in a fresh world.
+    fn check_start(&self, new: &PlantState) -> Result<(), Ended> {
+        for i in 0..self.n_joints {
+            let (found, speed, wanted) = (new.q[i], new.qd[i], self.q0[i]);
+            let is_there =
+                (found - wanted).abs() < START_TOLERANCE && speed.abs() < START_TOLERANCE;
+            if !is_there {
+                return Err(Ended::Start { joint: i + 1, found, speed, wanted });
+            }
+        }
+        Ok(())
     }
 
     /// What the plant itself measured of the episode; once.
