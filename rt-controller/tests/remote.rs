@@ -3,7 +3,7 @@
 mod common;
 
 use std::alloc::{GlobalAlloc, Layout, System};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicI32, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
@@ -81,7 +81,7 @@ impl Drop for Stopping<'_> {
 fn with_controller<T>(
     name: &str,
     pace: Pace,
-    operate: impl FnOnce(&ArmModel, &PathBuf, &ToolPorts) -> T,
+    operate: impl FnOnce(&ArmModel, &Path, &ToolPorts) -> T,
 ) -> (RunSummary, T) {
     let (model, config) = (wam(), ControllerConfig::default());
     let cell = Cell::new(&format!("{name}-{}", std::process::id())).unwrap();
@@ -116,7 +116,7 @@ struct Driver<'a> {
 }
 
 impl<'a> Driver<'a> {
-    fn connect(model: &'a ArmModel, socket: &PathBuf, flags: u64) -> Driver<'a> {
+    fn connect(model: &'a ArmModel, socket: &Path, flags: u64) -> Driver<'a> {
         let link = Connection::connect(socket, SOON).unwrap();
         let q = WAM7_START_POSTURE.into();
         link.send(&PlantHello { n_joints: 7, period_ns: 1_000_000, flags, q, ..PlantHello::EMPTY })
@@ -302,7 +302,8 @@ fn the_same_for_a_million_samples() {
 #[test]
 fn a_plant_that_lies_latches_and_the_next_one_needs_a_rearm() {
     let _turn = turn();
-    let lies: [(&str, fn(&mut PlantState)); 4] = [
+    type Lie = fn(&mut PlantState);
+    let lies: [(&str, Lie); 4] = [
         ("number them upwards", |state| state.seq -= 5),
         ("let it grow", |state| state.t_ns -= 3_000_000),
         ("was asked for", |state| state.episode += 7),

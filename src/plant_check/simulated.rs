@@ -22,9 +22,10 @@ const PAUSE: Duration = Duration::from_millis(1200);
 
 /// A check that ends early, with its reason, has failed.
 type Outcome = Result<(bool, String)>;
+type Check = fn(&Bench, &mut Line) -> Outcome;
 
 pub fn check(bench: &mut Bench, mut line: Line, hello: &PlantHello) -> Result<()> {
-    let all: [(&'static str, fn(&Bench, &mut Line) -> Outcome); 8] = [
+    let all: [(&'static str, Check); 8] = [
         ("reset", resets),
         ("numbers and time", counts),
         ("a sign of life", ignores_signs_of_life),

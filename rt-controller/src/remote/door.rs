@@ -2,7 +2,7 @@
 //!
 //! Everything that takes its time or its words happens here, so that the rt thread only sends and receives.
 
-use std::path::PathBuf;
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -40,7 +40,7 @@ struct Inside {
 impl Door {
     /// Opens it at `path`. Call with the cell's controller lock held.
     pub fn open(
-        path: &PathBuf,
+        path: &Path,
         expected: Expected,
         boot_id: u64,
         ends: DoorEnds,
