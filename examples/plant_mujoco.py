@@ -11,6 +11,8 @@ motor a hinge, a body with a free joint named "pancake", and a keyframe named "s
 """
 
 import argparse
+import json
+import os
 import sys
 from pathlib import Path
 
@@ -44,7 +46,21 @@ class PancakeWorld:
         self.q, self.qd, self.tau = data.qpos[:n], data.qvel[:n], data.qfrc_actuator[:n]
         self.position, self.quaternion = data.qpos[free : free + 3], data.qpos[free + 3 : free + 7]
         self.start = self.model.key("start").id
+        self.settle(json.loads(os.environ.get("SKILLET_PLANT_SETTINGS", "{}")), free)
         self.reset()
+
+    def settle(self, settings, free):
+        """What the table [plant] of the configuration says of the pancake, where `skillet` passes it on."""
+        body, model = self.model.body("pancake").id, self.model
+        heavier = settings.get("pancake_mass_kg", model.body_mass[body]) / model.body_mass[body]
+        model.body_mass[body] *= heavier
+        model.body_inertia[body] *= heavier
+        x, y = settings.get("pancake_offset_m", (0.0, 0.0))
+        # The pan is level at the start, and its axes are the world's.
+        model.key_qpos[self.start, free : free + 2] += (x, y)
+        if "friction" in settings:
+            model.geom_friction[:, 0] = settings["friction"]
+        mujoco.mj_setConst(model, self.data)
 
     def reset(self):
         """The start posture at rest, the pancake just above the pan. Clears the solver's memory too."""

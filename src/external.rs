@@ -1,19 +1,30 @@
 //! Plants in another process: what the configuration expects of one, and the program it may name.
 
 use std::ffi::OsString;
-use std::path::PathBuf;
+use std::os::unix::fs::DirBuilderExt;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant};
 
-use anyhow::{Result, bail};
-use physics::arm::ArmModel;
+use anyhow::{Context, Result, bail};
+use physics::arm::{ArmModel, JointVector};
+use physics::plant::{Measurement, Plant, Presence};
 use rt_controller::Pace;
 use rt_controller::remote::expected::Expected;
+use rt_controller::remote::hosted::Hosted;
 use rt_controller::run::External;
 use sha2::{Digest, Sha256};
 use shm_types::cell::Cell;
 use shm_types::plant::socket;
 
+use crate::children::Service;
 use crate::config::Config;
 use crate::setup;
+
+/// The variable with the table `[plant]`.
+const SETTINGS: &str = "SKILLET_PLANT_SETTINGS";
+/// How long a program may take until it has connected.
+const TO_COME: Duration = Duration::from_secs(60);
 
 /// Where a plant of this cell comes to.
 pub fn socket_of(config: &Config, cell: &Cell) -> PathBuf {
@@ -45,7 +56,90 @@ pub fn words(command: &str) -> Result<Vec<String>> {
     Ok(words)
 }
 
-/// What a plant that is started here finds its controller by.
-pub fn environment(socket: &std::path::Path, cell: &Cell) -> [(&'static str, OsString); 2] {
-    [(socket::PLANT_VARIABLE, socket.into()), ("SKILLET_CELL", cell.name().into())]
+/// What a plant that is started here is told: where its controller is, and the table `[plant]` as JSON.
+pub fn environment(config: &Config, socket: &Path) -> Result<[(&'static str, OsString); 2]> {
+    let settings = serde_json::to_string(&config.plant).context("[plant] as JSON")?;
+    Ok([(socket::PLANT_VARIABLE, socket.into()), (SETTINGS, settings.into())])
+}
+
+/// The program of a configuration's external plant, for a rollout at a time.
+pub struct Started {
+    hosted: Hosted,
+    program: Service,
+    dir: PathBuf,
+}
+
+impl Started {
+    pub fn new(config: &Config, model: &ArmModel) -> Result<Started> {
+        static COUNT: AtomicU64 = AtomicU64::new(0);
+        if config.plant.program.is_empty() {
+            bail!(
+                "plant.kind is external, and plant.program names no program to start: name the one \
+                 that the session was learnt with"
+            );
+        }
+        let number = COUNT.fetch_add(1, Ordering::Relaxed);
+        let dir = std::env::temp_dir().join(format!("skillet-{}-{number}", std::process::id()));
+        let failed = || format!("{}: cannot make a folder for the plant's socket", dir.display());
+        std::fs::DirBuilder::new().mode(0o700).create(&dir).with_context(failed)?;
+        let socket = dir.join("plant.sock");
+        let expected = expected(config, model, true)?;
+        let external = External { socket: socket.clone(), expected };
+        let hosted = Hosted::open(external, &config.plant.start_posture())?;
+        let (environment, log) = (environment(config, &socket)?, dir.join("plant.log"));
+        let program = Service::start_program("plant", &config.plant.program, log, &environment)?;
+        let mut started = Started { hosted, program, dir };
+        started.wait()?;
+        Ok(started)
+    }
+
+    fn wait(&mut self) -> Result<()> {
+        let start = Instant::now();
+        while start.elapsed() < TO_COME {
+            if self.hosted.has_come(Duration::from_millis(50)) {
+                return Ok(());
+            }
+            if let Some(status) = self.program.exited()? {
+                bail!(self.program.obituary(status));
+            }
+        }
+        bail!("the plant did not come within {} s: run its program by hand", TO_COME.as_secs())
+    }
+}
+
+impl Drop for Started {
+    fn drop(&mut self) {
+        // It is in the system's folder for what is temporary.
+        let _ = std::fs::remove_dir_all(&self.dir);
+    }
+}
+
+impl Plant for Started {
+    fn is_simulated(&self) -> bool {
+        true
+    }
+
+    fn begin_reset(&mut self) {
+        self.hosted.begin_reset();
+    }
+
+    fn is_ready(&self) -> bool {
+        self.hosted.is_ready()
+    }
+
+    fn measure(&self) -> Measurement {
+        self.hosted.measure()
+    }
+
+    fn apply(&mut self, tau: &JointVector) {
+        self.hosted.apply(tau);
+    }
+
+    fn advance(&mut self) {
+        self.hosted.advance();
+    }
+
+    fn presence(&mut self) -> Presence {
+        self.hosted.presence()
+    }
 }

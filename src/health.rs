@@ -50,6 +50,10 @@ fn findings(status: &Status) -> Vec<(Health, String)> {
         let fault = Fault::describe(status.latched_fault as u32);
         found.push((Health::Bad, format!("the arm is held ({fault}) until `skillet rearm`")));
     }
+    if status.plant_absent == 1 {
+        let why = "no plant has come yet: start it; `skillet plant check` tries one out";
+        found.push((Health::Degraded, why.into()));
+    }
     if status.tick_age_ns >= TICKLESS_NS {
         let age = status.tick_age_ns as f64 * 1e-9;
         found.push((Health::Bad, format!("the loop has not ticked for {age:.0} s")));

@@ -86,6 +86,10 @@ fn a_plant_whose_controller_is_killed_says_so_and_ends() {
 fn a_plant_that_differs_is_refused_on_both_sides_with_both_values() {
     let bench = Bench::new();
     let controller = bench.start(&CONTROLLER);
+    let waiting = eventually("a controller without a plant", || {
+        status(&bench).filter(|status| status["plant"] == "absent")
+    });
+    assert!(waiting["findings"].to_string().contains("no plant has come yet"), "{waiting:#}");
     for (settings, words) in [
         ("[controller]\nperiod_us = 500\n", ["500000 ns", "1000000"]),
         (
@@ -101,6 +105,7 @@ fn a_plant_that_differs_is_refused_on_both_sides_with_both_values() {
         assert!(words.iter().all(|word| said.contains(word)), "{said}");
     }
     let plant = bench.start(&PLANT);
+    eventually("a plant", || status(&bench).filter(|status| status["plant"] == "there"));
     eventually("the plant in the loop", || {
         let second = bench.run(&PLANT);
         (second.status.code() == Some(2) && stderr(&second).contains("has a plant already"))
@@ -213,4 +218,14 @@ fn learn_says_that_the_arm_is_held() {
     assert!(said.contains("the arm is held: somebody asked for the hold"), "{said}");
     assert!(said.contains(&format!("skillet rearm --cell {cell}")), "{said}");
     assert_eq!(bench.trials("s").len(), 40);
+}
+
+/// From the store alone, in the plant's own process.
+#[test]
+fn a_trial_of_an_external_plant_is_replayed_in_it() {
+    let bench = Bench::new();
+    let serve = serve();
+    bench.ok(&["learn", "pancake", "--rollouts", "3", "--out", "s", "--plant-program", &serve]);
+    let said = bench.ok(&["replay", "s", "--trial", "2"]);
+    assert!(said.contains("identical, bit for bit"), "{said}");
 }

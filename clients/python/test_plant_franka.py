@@ -1,8 +1,9 @@
-"""What examples/plant_franka.py does with a robot that is a stand-in for pylibfranka, and a fake controller.
+"""Tests examples/plant_franka.py with a stand-in for pylibfranka and a fake controller.
 
     python3 -m unittest discover clients/python
 
-The stand-in has the names and signatures of pylibfranka 0.21.3. Where that is installed, a test compares them.
+The stand-in has the names and signatures of pylibfranka 0.21.3; one test compares them with the real package
+where it is installed.
 """
 
 import contextlib
@@ -107,7 +108,7 @@ example = load_example()
 
 
 class Control(ActiveControlBase):
-    """The robot's end of the loop: a millisecond a read; before it, the controller answers what it got."""
+    """The robot's end of the loop. Each read is one millisecond; before it, the controller answers what it received."""
 
     def __init__(self, answer):
         self.answer, self.ms, self.written = answer, 0, []
@@ -389,7 +390,7 @@ class Enter(unittest.TestCase):
         person = self.person()
         os.close(self.writing)
         self.assertFalse(self.becomes_ready(person, 0.1))
-        self.assertIn("terminal", str(self.printed.call_args))
+        self.assertIn("stdin is closed", str(self.printed.call_args))
 
 
 class RealPackage(unittest.TestCase):

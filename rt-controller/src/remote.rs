@@ -6,6 +6,7 @@
 
 pub(crate) mod door;
 pub mod expected;
+pub mod hosted;
 pub(crate) mod plant;
 
 use std::sync::Arc;

@@ -2,9 +2,10 @@
 //!
 //! It ticks as the rt thread does, so that its numbers are those of a session, bit for bit.
 
-use physics::plant::Plant;
+use physics::plant::{Plant, Presence};
 use shm_types::episode::TickRecord;
 use shm_types::policy::PolicyMsg;
+use thiserror::Error;
 
 use crate::admit::admission::{AdmissionError, admit};
 use crate::config::ControllerConfig;
@@ -22,6 +23,26 @@ pub struct Simulated {
     pub n_records: usize,
 }
 
+/// Why there is no rollout.
+#[derive(Debug, Error)]
+pub enum SimulateError {
+    #[error(transparent)]
+    Refused(#[from] AdmissionError),
+    #[error("the plant in its own process is gone; its own words say why")]
+    PlantGone,
+}
+
+/// Waits for a plant in another process to do what it was asked for; every other one has.
+fn finish<P: Plant>(plant: &mut P) -> Result<(), SimulateError> {
+    loop {
+        match plant.presence() {
+            Presence::There => return Ok(()),
+            Presence::Busy => {}
+            Presence::Absent | Presence::Lost => return Err(SimulateError::PlantGone),
+        }
+    }
+}
+
 /// Runs `policy` from a fresh world to its end, if it is admitted. As many of its ticks as fit are
 /// written to `records`.
 pub fn simulate<P: Plant>(
@@ -29,12 +50,13 @@ pub fn simulate<P: Plant>(
     config: &ControllerConfig,
     policy: &PolicyMsg,
     records: &mut [TickRecord],
-) -> Result<Simulated, AdmissionError> {
+) -> Result<Simulated, SimulateError> {
     let policy = admit(policy, controlled.model, config)?;
     let mut controller =
         Controller::new(controlled.model, &controlled.q0, config, &controlled.referee);
     let (mut recording, mut scratch) = (Recording::new(config.record_stride()), TickRecord::ZERO);
     controlled.plant.begin_reset();
+    finish(controlled.plant)?;
     controller.start(&policy);
     while controller.phase() != Phase::Idle {
         let measured = controlled.plant.measure();
@@ -42,6 +64,7 @@ pub fn simulate<P: Plant>(
         let tau = controller.tick(&measured, record);
         controlled.plant.apply(&tau);
         controlled.plant.advance();
+        finish(controlled.plant)?;
     }
     Ok(Simulated { fault: controller.fault() as u64, n_records: recording.n_records })
 }

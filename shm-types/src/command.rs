@@ -54,7 +54,7 @@ message! {
 
 message! {
     /// State of the controller when it answered. Times in ns; percentiles since its start.
-    pub struct Status as "skillet/Status/3" {
+    pub struct Status as "skillet/Status/4" {
         pub boot_id: u64,
         pub tick: u64,
         pub phase: u64,
@@ -64,6 +64,8 @@ message! {
         pub latched_fault: u64,
         pub latched_ns: u64,
         pub latched_present: u64,
+        /// 1: the plant is another process, and none has come yet.
+        pub plant_absent: u64,
         /// Flight records in the state folder.
         pub fault_records: u64,
         pub period_ns: u64,
@@ -214,6 +216,7 @@ impl Status {
         latched_fault: 0,
         latched_ns: 0,
         latched_present: 0,
+        plant_absent: 0,
         fault_records: 0,
         period_ns: 0,
         realtime: 0,

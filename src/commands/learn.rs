@@ -200,7 +200,7 @@ fn start_plant(folder: &SessionFolder, config: &Config, cell: &Cell) -> Result<O
         say(&format!("waiting for a plant: start it with {}={}", PLANT_VARIABLE, socket.display()));
         return Ok(None);
     }
-    let environment = external::environment(&socket, cell);
+    let environment = external::environment(config, &socket)?;
     Service::start_program("plant", program, folder.log("plant"), &environment).map(Some)
 }
 

@@ -96,6 +96,7 @@ fn as_json(cell: &Cell, status: &Status) -> serde_json::Value {
         "latched_fault": latched(status),
         "latched_s": latched(status).map(|_| status.latched_ns as f64 * 1e-9),
         "latched_cause_present": status.latched_present == 1,
+        "plant": if status.plant_absent == 1 { "absent" } else { "there" },
         "fault_records": status.fault_records,
         "period_us": status.period_ns / 1000,
         "realtime_priority": status.privileged == 1,

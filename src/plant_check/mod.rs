@@ -7,7 +7,7 @@ mod line;
 mod real;
 mod simulated;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -100,7 +100,7 @@ pub fn run(args: &CheckArgs) -> Result<Verdict> {
     let socket = external::socket_of(&config, &cell);
     let listener = Listener::bind(&socket)?;
     let mut program =
-        args.program.as_deref().map(|command| start(command, &socket, &cell)).transpose()?;
+        args.program.as_deref().map(|command| start(command, &config, &socket)).transpose()?;
     if program.is_none() {
         say(&format!("waiting for the plant at {}", socket.display()));
     }
@@ -120,9 +120,9 @@ pub fn run(args: &CheckArgs) -> Result<Verdict> {
 }
 
 /// Starts the plant; its log is beside this process's.
-fn start(command: &str, socket: &std::path::Path, cell: &Cell) -> Result<Service> {
+fn start(command: &str, config: &Config, socket: &Path) -> Result<Service> {
     let log = PathBuf::from("plant.log");
-    let environment = external::environment(socket, cell);
+    let environment = external::environment(config, socket)?;
     Service::start_program("plant", &external::words(command)?, log, &environment)
 }
 

@@ -27,6 +27,7 @@ mod statistics;
 mod table;
 mod tasks;
 mod textbook;
+mod transfer;
 mod tune;
 mod world;
 
@@ -143,6 +144,12 @@ pub const STUDIES: &[Study] = &[
         "pancake flipping with both ways to simulate the arm",
         1,
         pancake::run_dynamics,
+    ),
+    table_of(
+        "transfer",
+        "pancake flipping learnt in Rapier and tried in MuJoCo, and the other way round",
+        1,
+        transfer::run_seed,
     ),
     table_of("tasks", "tasks without an arm that know success, as they come", 2, tasks::run_seed),
     table_of("arm-tasks", "tasks with an arm, as they come", 1, tasks::run_arm_seed),

@@ -11,6 +11,7 @@ use shm_types::policy::PolicyMsg;
 
 use super::{ArmWorld, World};
 use crate::config::Config;
+use crate::external::Started;
 
 /// Executes a policy: what an episode tells of it.
 pub type Executor = dyn FnMut(&PolicyMsg) -> Result<(EpisodeHeader, Vec<TickRecord>)>;
@@ -29,6 +30,9 @@ pub fn executor(config: &Config) -> Result<Box<Executor>> {
         }
         World::Arm(arm) => {
             let ArmWorld { model, q0, mut plant, referee, .. } = (arm.world)(config)?;
+            if config.plant.is_external() {
+                plant = Box::new(Started::new(config, &model)?);
+            }
             let config = config.controller.clone();
             Box::new(move |policy| {
                 let mut controlled = Controlled { model: &model, plant: &mut plant, q0, referee };

@@ -32,6 +32,7 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
             latched_fault: latched(&|latched| latched.fault as u64),
             latched_ns: latched(&Latched::age_ns),
             latched_present: latched(&|_| u64::from(self.setup.latch.is_present())),
+            plant_absent: u64::from(self.setup.latch.is_absent()),
             fault_records: self.flights.as_ref().map_or(0, |files| files.len() as u64),
             period_ns: self.setup.period_ns,
             realtime: u64::from(self.setup.is_realtime()),
