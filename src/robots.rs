@@ -80,7 +80,7 @@ mod tests {
             assert!(!setup::check(&config).unwrap().is_empty(), "{}", robot.name);
         }
         let dir = tempfile::tempdir().unwrap();
-        let error = ALL[0].settle("archery", dir.path()).unwrap_err().to_string();
+        let error = ALL[0].settle("landscape", dir.path()).unwrap_err().to_string();
         assert!(error.contains("arm check"), "{error}");
         let error = Robot::find("pr2").err().unwrap().to_string();
         assert!(error.contains("panda, iiwa14, xarm7"), "{error}");
