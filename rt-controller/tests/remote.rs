@@ -364,3 +364,20 @@ fn a_number_that_is_none_latches_and_the_arm_is_held() {
         }
     });
 }
+
+#[test]
+fn a_plant_that_says_nothing_is_told_so_and_the_next_one_is_let_in() {
+    let _turn = turn();
+    with_controller("rmute", Pace::Plant, |model, socket, _| {
+        let mute = Connection::connect(socket, SOON).unwrap();
+        let mut buffer = Buffer::new();
+        match mute.receive(&mut buffer, SOON).unwrap() {
+            Some(Message::Welcome(welcome)) => {
+                let why = shm_types::reason::unpack(&welcome.reason);
+                assert_eq!((welcome.accepted, why.contains("no Hello")), (0, true), "{why}");
+            }
+            other => panic!("{other:?}"),
+        }
+        assert!(Driver::connect(model, socket, 0).run(100) > 90);
+    });
+}

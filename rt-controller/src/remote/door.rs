@@ -57,7 +57,7 @@ impl Door {
         while !stop.load(Ordering::Relaxed) {
             self.look_after();
             match self.listener.accept(ROUND) {
-                Ok(Some((link, uid))) => self.meet(link, uid),
+                Ok(Some((link, uid))) => self.meet(link, uid, stop),
                 Ok(None) => {}
                 Err(error) => {
                     tracing::warn!("the door for plants: {error}");
@@ -96,7 +96,7 @@ impl Door {
         }
     }
 
-    fn meet(&mut self, link: Connection, uid: u32) {
+    fn meet(&mut self, link: Connection, uid: u32, stop: &AtomicBool) {
         let said = match &self.inside {
             _ if uid != self.uid => {
                 Err(format!("it runs as user {uid}, the controller as {}: use one user", self.uid))
@@ -105,7 +105,7 @@ impl Door {
                 "the cell has a plant already, '{}': stop it, or choose another cell",
                 inside.name
             )),
-            None => self.introduce(&link),
+            None => self.introduce(&link, stop),
         };
         match said {
             Ok((hello, state)) => {
@@ -124,20 +124,39 @@ impl Door {
     }
 
     /// Who is it, does it fit, where is the arm?
-    fn introduce(&self, link: &Connection) -> Result<(PlantHello, PlantState), String> {
+    fn introduce(
+        &self,
+        link: &Connection,
+        stop: &AtomicBool,
+    ) -> Result<(PlantHello, PlantState), String> {
         let mut buffer = Buffer::new();
-        let hello = match link.receive(&mut buffer, PATIENCE) {
+        let hello = match within_patience(link, &mut buffer, stop) {
             Ok(Some(Message::Hello(hello))) => *hello,
             other => return Err(said_instead("Hello", &other)),
         };
         self.expected.check(&hello).map_err(|refused| format!("'{}': {refused}", hello.name()))?;
         let welcome = PlantWelcome::accepted(self.boot_id, self.expected.period_ns);
         link.send(&welcome).map_err(|error| error.to_string())?;
-        match link.receive(&mut buffer, PATIENCE) {
+        match within_patience(link, &mut buffer, stop) {
             Ok(Some(Message::State(state))) => Ok((hello, *state)),
             other => Err(said_instead("first State", &other)),
         }
     }
+}
+
+/// A message, unless the controller is to end meanwhile.
+fn within_patience<'a>(
+    link: &Connection,
+    buffer: &'a mut Buffer,
+    stop: &AtomicBool,
+) -> Result<Option<Message<'a>>, LinkError> {
+    let start = Instant::now();
+    while start.elapsed() < PATIENCE && !stop.load(Ordering::Relaxed) {
+        if link.is_waiting(ROUND)? {
+            return link.receive(buffer, Duration::ZERO);
+        }
+    }
+    Ok(None)
 }
 
 fn said_instead(expected: &str, said: &Result<Option<Message>, LinkError>) -> String {

@@ -19,6 +19,8 @@ use crate::remote::{Arrival, Ended, Ends, Seen};
 
 /// How long the loop waits for a simulator before it looks at everything else.
 const SLICE: Duration = Duration::from_millis(50);
+/// Samples that are taken at once after a pause of the loop.
+const MAX_WAITING: usize = 64;
 /// A torque for a real arm is worth something for so many periods.
 const WORTH_PERIODS: u64 = 3;
 /// Between the last sample of one plant and the first of the next one, ns: long enough that nobody compares
@@ -282,7 +284,11 @@ impl Plant for RemotePlant {
         if self.link.is_none() {
             std::thread::sleep(longest);
         }
-        // Only the newest counts.
-        while self.receive(Duration::ZERO) {}
+        // Only the newest counts; one that floods the line holds nobody up.
+        for _ in 0..MAX_WAITING {
+            if !self.receive(Duration::ZERO) {
+                break;
+            }
+        }
     }
 }

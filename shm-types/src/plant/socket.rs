@@ -212,6 +212,11 @@ impl Connection {
         self.receive(buffer, patience)
     }
 
+    /// A message, or the end, can be seen within `patience`.
+    pub fn is_waiting(&self, patience: Duration) -> Result<bool, LinkError> {
+        is_readable(&self.socket, patience)
+    }
+
     /// The peer has closed its end.
     pub fn is_gone(&self) -> bool {
         let mut fds = [PollFd::new(&self.socket, PollFlags::RDHUP)];
