@@ -2,9 +2,15 @@
 
 mod util;
 
+use std::path::Path;
 use std::process::Command;
 
+use physics::arm::{ArmModel, JointVector};
+use physics::pancake::{PancakeConfig, PancakePlant, WAM7_START_POSTURE};
+use physics::plant::{Measurement, Plant};
 use serde_json::Value;
+use shm_types::measures::{Measure, Measures};
+use skillet_plant::{Answer, Description, Object, Sample};
 use util::{Bench, Running, bits, eventually, kill, stderr};
 
 const CONTROLLER: [&str; 7] =
@@ -154,7 +160,8 @@ fn check_passes_our_simulation_and_finds_another_arm() {
 fn a_plant_in_c_is_stepped() {
     let bench = Bench::new();
     let root = env!("CARGO_MANIFEST_DIR");
-    let built = std::path::Path::new(env!("CARGO_BIN_EXE_skillet")).parent().unwrap();
+    // Where `cargo test` leaves it; `cargo build` links it beside the executable.
+    let built = &Path::new(env!("CARGO_BIN_EXE_skillet")).parent().unwrap().join("deps");
     let library = built.join("libskillet_plant.so");
     assert!(library.is_file(), "{} is built with the workspace", library.display());
     let output = Command::new("cc")
@@ -228,4 +235,65 @@ fn a_trial_of_an_external_plant_is_replayed_in_it() {
     bench.ok(&["learn", "pancake", "--rollouts", "3", "--out", "s", "--plant-program", &serve]);
     let said = bench.ok(&["replay", "s", "--trial", "2"]);
     assert!(said.contains("identical, bit for bit"), "{said}");
+}
+
+/// The pancake's world in this process, which tells of each episode what nobody else can measure.
+fn serve_and_tell(socket: &Path) {
+    let urdf = include_str!("../robots/wam7/wam7_pan.urdf");
+    let model = ArmModel::from_urdf(urdf, "pan").unwrap();
+    let mut world = PancakePlant::new(&model, &WAM7_START_POSTURE, &PancakeConfig::default());
+    let description = Description {
+        has_object: true,
+        q: WAM7_START_POSTURE.into(),
+        ..Description::simulated(0.001)
+    };
+    let mut line = skillet_plant::Plant::connect(socket, &description).unwrap();
+    let force = [Measure { name: "contact_force_n", unit: "N", value: 1.5 }];
+    loop {
+        let Measurement { q, qd, object, .. } = world.measure();
+        let [i, j, k, w] = object.R_WO.coords.into();
+        let object = Object {
+            position: object.p_WO.into(),
+            quaternion: [w, i, j, k],
+            in_contact: object.in_contact,
+        };
+        let sample =
+            Sample { q: q.into(), qd: qd.into(), object: Some(object), ..Sample::default() };
+        match line.exchange(&sample) {
+            Ok(Answer::Torque(tau)) => {
+                world.apply(&JointVector::from(tau));
+                world.advance();
+            }
+            Ok(Answer::Reset(_)) => {
+                world.begin_reset();
+                line.has_reset();
+                line.tell(&Measures::of(force).unwrap()).unwrap();
+            }
+            _ => return,
+        }
+    }
+}
+
+#[test]
+fn what_only_the_plant_can_measure_joins_the_measures() {
+    let bench = Bench::new();
+    let socket = bench.path("p.sock");
+    let settings = format!(
+        "[plant]\nkind = \"external\"\nsocket = \"{}\"\n[plant.measures]\ncontact_force_n = \"N\"\n\
+         [learner]\nrollouts = 3\n",
+        socket.display()
+    );
+    let config = bench.write("c.toml", &settings);
+    let config = config.to_str().unwrap();
+    let controller =
+        bench.start(&["controller", "--cell", "c1", "--pace", "max", "--config", config]);
+    let plant = std::thread::spawn(move || serve_and_tell(&socket));
+    bench.ok(&["learner", "--cell", "c1", "--session", "s", "--config", config]);
+    let trials = bench.trials("s");
+    let forces: Vec<_> = trials.iter().map(|t| t.measures.get("contact_force_n")).collect();
+    assert_eq!(forces, [Some(1.5); 3]);
+    assert!(trials.iter().all(|trial| trial.measures.get("apex_m").is_some()));
+    controller.signal("TERM");
+    controller.wait();
+    plant.join().unwrap();
 }
