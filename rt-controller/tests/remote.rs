@@ -381,3 +381,23 @@ fn a_plant_that_says_nothing_is_told_so_and_the_next_one_is_let_in() {
         assert!(Driver::connect(model, socket, 0).run(100) > 90);
     });
 }
+
+/// A service manager starts a driver anew at once; the loop may not yet have noticed that the last one died.
+#[test]
+fn the_next_plant_is_let_in_however_fast_it_comes() {
+    let _turn = turn();
+    for (name, pace, flags) in
+        [("rnext", Pace::Plant, 0), ("rnextmax", Pace::Max, PLANT_SIMULATED | PLANT_CAN_RESET)]
+    {
+        with_controller(name, pace, |model, socket, tool| {
+            for _ in 0..20 {
+                // Panics when it is refused.
+                drop(Driver::connect(model, socket, flags));
+            }
+            let mut driver = Driver::connect(model, socket, flags);
+            let state = driver.next();
+            assert!(driver.send(&state));
+            until(tool, "a latch", stale);
+        });
+    }
+}

@@ -224,7 +224,8 @@ impl Plant {
     pub fn connect(path: &Path, description: &Description) -> Result<Plant, PlantError> {
         let hello = description.hello();
         let link = Connection::connect(path, LOOK_FOR)?;
-        link.send(&hello)?;
+        // A controller that hangs up at once has said why.
+        let sent = link.send(&hello);
         let mut buffer = Buffer::new();
         match link.receive(&mut buffer, SILENCE)? {
             Some(Message::Welcome(welcome)) if welcome.accepted == 1 => {}
@@ -234,6 +235,7 @@ impl Plant {
             Some(_) => return Err(PlantError::Refused("it answered with no Welcome".into())),
             None => return Err(PlantError::Silent(SILENCE.as_secs_f64())),
         }
+        sent?;
         let state = PlantState { q: hello.q, ..PlantState::EMPTY };
         let period_ns = hello.period_ns;
         Ok(Plant { link, buffer, period_ns, state, wanted: 0, command: None, n_repeats: 0 })

@@ -17,6 +17,8 @@ use crate::remote::{Arrival, DoorEnds, Ended, Seen};
 const PATIENCE: Duration = Duration::from_secs(5);
 /// Between two looks at everything.
 const ROUND: Duration = Duration::from_millis(20);
+/// Until the loop has noticed that its plant is gone.
+const MOMENT: Duration = Duration::from_millis(1);
 /// A simulator whose time stands still hears this often that somebody is there.
 const SIGN_OF_LIFE: Duration = Duration::from_millis(500);
 
@@ -96,7 +98,21 @@ impl Door {
         }
     }
 
+    /// The next plant may be faster than the loop, which has to let the last one go first.
+    fn see_off(&mut self, stop: &AtomicBool) {
+        let start = Instant::now();
+        let is_gone = |inside: &Inside| inside.link.is_gone();
+        while self.inside.as_ref().is_some_and(is_gone)
+            && start.elapsed() < PATIENCE
+            && !stop.load(Ordering::Relaxed)
+        {
+            self.look_after();
+            std::thread::sleep(MOMENT);
+        }
+    }
+
     fn meet(&mut self, link: Connection, uid: u32, stop: &AtomicBool) {
+        self.see_off(stop);
         let said = match &self.inside {
             _ if uid != self.uid => {
                 Err(format!("it runs as user {uid}, the controller as {}: use one user", self.uid))

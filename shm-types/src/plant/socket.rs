@@ -186,7 +186,12 @@ impl Connection {
         }
         // The kernel would tell neither a packet without bytes from an end that is gone, nor send one.
         let bytes = buffer.0.as_mut_bytes();
-        let length = match recv(&self.socket, &mut *bytes, RecvFlags::DONTWAIT) {
+        let received = match recv(&self.socket, &mut *bytes, RecvFlags::DONTWAIT) {
+            // Said once, and before what the peer had to say.
+            Err(Errno::CONNRESET) => recv(&self.socket, &mut *bytes, RecvFlags::DONTWAIT),
+            received => received,
+        };
+        let length = match received {
             Ok((0, _)) | Err(Errno::CONNRESET | Errno::NOTCONN) => return Err(LinkError::Gone),
             Ok((length, _)) => length,
             Err(Errno::AGAIN | Errno::INTR) => return Ok(None),
