@@ -391,8 +391,11 @@ fn the_next_plant_is_let_in_however_fast_it_comes() {
     {
         with_controller(name, pace, |model, socket, tool| {
             for _ in 0..20 {
-                // Panics when it is refused.
-                drop(Driver::connect(model, socket, flags));
+                // Panics when it is refused. Once it has been in the loop, it dies.
+                let mut driver = Driver::connect(model, socket, flags);
+                let state = driver.next();
+                assert!(driver.send(&state));
+                until(tool, "the plant in the loop", |status| status.plant_absent == 0);
             }
             let mut driver = Driver::connect(model, socket, flags);
             let state = driver.next();

@@ -47,6 +47,8 @@ pub(crate) struct RtLoop<'a, P: Plant> {
     ends: Ends<Policy>,
     /// The next rollout, while the plant is put back to its start.
     preparing: Option<Job<Policy>>,
+    /// The plant was asked to be put back for it.
+    is_reset: bool,
     running: Option<Running>,
     undelivered: Option<Done>,
     /// Of the policy in the controller, for observers.
@@ -82,6 +84,7 @@ impl<'a, P: Plant> RtLoop<'a, P> {
             plant,
             ends,
             preparing: None,
+            is_reset: false,
             running: None,
             undelivered: None,
             policy_digest: 0,
@@ -185,18 +188,22 @@ impl<'a, P: Plant> RtLoop<'a, P> {
             self.deliver(done);
         }
         if self.controller.latched().is_some() || self.n_probation > 0 {
+            // What was put back to its start may be another plant by now, or have been moved since.
+            self.is_reset = false;
             return;
         }
         if self.preparing.is_none() {
             self.preparing = self.ends.jobs.pop().ok();
-            if self.preparing.is_some() {
-                self.plant.begin_reset();
-                if self.plant.is_simulated() {
-                    self.controller.enter_fresh_world();
-                }
+        }
+        if self.preparing.is_some() && !self.is_reset {
+            self.is_reset = true;
+            self.plant.begin_reset();
+            if self.plant.is_simulated() {
+                self.controller.enter_fresh_world();
             }
         }
         if let Some(job) = self.preparing.take_if(|_| self.plant.is_ready()) {
+            self.is_reset = false;
             self.controller.start(&job.policy);
             self.policy_digest = job.policy_digest;
             let recording = Recording::new(self.record_stride);

@@ -86,14 +86,10 @@ impl RemotePlant {
         let last_ns = self.state.map(|state| state.t_ns.wrapping_add(self.offset_ns));
         self.offset_ns =
             last_ns.map_or(0, |last| (last + CHANGE_NS).wrapping_sub(arrival.state.t_ns));
-        let is_resetting = self.state.is_some_and(|state| state.episode != self.wanted);
         self.link = Some(arrival.link);
         self.accept(arrival.state);
         self.is_stepping = false;
         self.wanted = arrival.state.episode;
-        if is_resetting {
-            self.begin_reset();
-        }
     }
 
     fn accept(&mut self, state: PlantState) {
