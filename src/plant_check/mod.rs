@@ -7,7 +7,7 @@ mod line;
 mod real;
 mod simulated;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -119,9 +119,9 @@ pub fn run(args: &CheckArgs) -> Result<Verdict> {
     report(&bench.findings, args.json)
 }
 
-/// Starts the plant; its log is beside this process's.
+/// Starts the plant; what it says goes to a file that an error names.
 fn start(command: &str, config: &Config, socket: &Path) -> Result<Service> {
-    let log = PathBuf::from("plant.log");
+    let log = std::env::temp_dir().join(format!("skillet-plant-{}.log", std::process::id()));
     let environment = external::environment(config, socket)?;
     Service::start_program("plant", &external::words(command)?, log, &environment)
 }
