@@ -1,4 +1,4 @@
-//! The counter between a search and whoever runs its trials: only what was asked is learnt, once.
+//! The counter between a search and those who run its trials: only what was asked is learnt, once.
 
 use std::collections::BTreeSet;
 

@@ -118,7 +118,7 @@ impl Cell {
         if let Some(parent) = self.dir.parent() {
             create_own_dir(parent)?;
         }
-        // Whoever removes an idle cell takes both roles for an instant: one at a time.
+        // A process that removes an idle cell takes both roles for an instant: one at a time.
         let _starting = self.starting()?;
         create_own_dir(&self.dir)?;
         // Somebody may just look whether there is one, see `has`.
@@ -139,7 +139,7 @@ impl Cell {
         match File::open(self.lock_path(role)) {
             // Shared: those who look do not see each other.
             Ok(file) => flock(&file, FlockOperation::NonBlockingLockShared).is_err(),
-            // Whoever joins it then is told why it cannot be looked at.
+            // A process that joins it then is told why it cannot be looked at.
             Err(error) => error.kind() != ErrorKind::NotFound,
         }
     }
@@ -174,7 +174,7 @@ impl Cell {
         }
     }
 
-    /// Removes everything the cell shares, whoever uses it: for a process that is about to end. What is
+    /// Removes everything the cell shares, in use or not: for a process that is about to end. What is
     /// being made at this moment, by another thread or process, is removed a moment later.
     pub fn tear_down(&self) {
         for _ in 0..TEAR_DOWN_ROUNDS {

@@ -23,7 +23,8 @@ pub fn run(args: &ControllerArgs) -> Result<Verdict> {
     if let Some(parent) = args.child {
         setup::end_with_parent(parent)?;
     }
-    let mut config = Config::load(args.config.as_deref())?;
+    let written = Config::load(args.config.as_deref())?;
+    let mut config = written.clone();
     config.plant.kind = args.plant.map_or(config.plant.kind, Into::into);
     config.validate()?;
     let core = loop_core(config.controller.cpu);
@@ -32,7 +33,8 @@ pub fn run(args: &ControllerArgs) -> Result<Verdict> {
     }
     let stop = stop_flag(Who::service(args.child))?;
     let set_level = log::start(&config.log);
-    reload::on_hangup(args.config.as_deref(), &config, set_level)?;
+    // What the command line says differs from the file, but has not changed.
+    reload::on_hangup(args.config.as_deref(), &written, set_level)?;
     let cell = Cell::new(args.cell.as_deref().unwrap_or(&config.cell.name))?;
 
     let _metrics =
@@ -76,8 +78,8 @@ fn run_arm(
     let ArmWorld { model, q0, mut plant, referee, .. } = world;
     holding::check_start(config, &model)?;
     setup::arm_notes(config)?.iter().for_each(|note| tracing::warn!("{note}"));
+    let controller = ControllerConfig { cpu: Some(core), ..config.controller.clone() };
     if config.plant.is_external() {
-        let controller = ControllerConfig { cpu: Some(core), ..config.controller.clone() };
         let external = external::of(config, cell, &model, pace)?;
         let arm = (&model, q0, referee);
         return Ok(run_external(cell, &controller, pace, arm, external, state, stop)?);
@@ -89,6 +91,5 @@ fn run_arm(
         );
     }
     let controlled = Controlled { model: &model, plant: &mut plant, q0, referee };
-    let controller = ControllerConfig { cpu: Some(core), ..config.controller.clone() };
     Ok(rt_controller::run(cell, &controller, pace, controlled, state, stop)?)
 }

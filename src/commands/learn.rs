@@ -231,6 +231,7 @@ fn watch(
         match lines.recv_timeout(WATCH) {
             Ok(line) => {
                 trials += show(&line, progress)?;
+                held.looked = Instant::now();
                 continue;
             }
             Err(RecvTimeoutError::Timeout) => held.look(progress),
@@ -276,6 +277,7 @@ fn watch(
 /// Looks now and then whether the arm is held, while no trial comes, and says so once.
 struct Held<'a> {
     cell: &'a Cell,
+    /// Or since when there was no reason to.
     looked: Instant,
     told: u64,
 }

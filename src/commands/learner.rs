@@ -52,7 +52,7 @@ pub fn run(args: &LearnerArgs) -> Result<Verdict> {
         folder.write(&config)?;
     }
     let config = Config::load(Some(&folder.config_path()))?;
-    if args.pace == PaceArg::Realtime {
+    if args.pace != PaceArg::Max {
         leave_core(loop_core(config.controller.cpu)); // before a thread starts
     }
     let stop = stop_flag(Who::service(args.child))?;

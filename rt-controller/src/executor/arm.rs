@@ -140,7 +140,7 @@ impl<'a, P: Plant> RtLoop<'a, P> {
         let presence = self.plant.presence();
         self.latch.set_absent(presence == Presence::Absent);
         if matches!(presence, Presence::Busy | Presence::Absent) {
-            // Nothing ticks; whoever asks for a hold or a re-arm is answered all the same.
+            // Nothing ticks; a hold or a re-arm that is asked for is answered all the same.
             self.latch.follow(&mut self.controller);
         }
         presence
