@@ -4,7 +4,7 @@
 use libfuzzer_sys::fuzz_target;
 use rt_controller::fault::Fault;
 use shm_types::command::{Reply, Status};
-use shm_types::reason::REASON_LEN;
+use shm_types::text::REASON_LEN;
 use skillet_fuzz::{patched, split};
 
 fuzz_target!(|data: &[u8]| {

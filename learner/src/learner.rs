@@ -19,7 +19,7 @@ use shm_types::episode::{
     EpisodeHeader, FAULT_POLICY_REFUSED, FAULT_SWAPPED, MACHINE_FAULTS, TickRecord,
 };
 use shm_types::policy::PolicyMsg;
-use shm_types::reason;
+use shm_types::text;
 
 use crate::config::LearnerConfig;
 use crate::demonstration::Demonstration;
@@ -182,7 +182,7 @@ impl Learner {
             return Err(CompleteError::MachineFault { rollout: header.rollout });
         }
         if header.fault == FAULT_POLICY_REFUSED {
-            let reason = reason::unpack(&header.reason);
+            let reason = text::unpack(&header.reason);
             return Err(CompleteError::Refused { rollout: header.rollout, reason });
         }
         if let Some(reason) = not_executed(header.fault) {

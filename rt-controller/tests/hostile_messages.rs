@@ -11,8 +11,8 @@ use shm_types::SCHEMA;
 use shm_types::command::{AT_NOW, COMMAND_HOLD, COMMAND_STATUS, Command, Reply, Status};
 use shm_types::episode::{EpisodeHeader, TickRecord};
 use shm_types::news::{MAX_MODES, TrialNews};
-use shm_types::reason::{self, REASON_LEN};
 use shm_types::telemetry::{TELEMETRY_TICKS, Telemetry};
+use shm_types::text::{self, REASON_LEN};
 
 const FEW: u64 = 100_000;
 const RECORDS: usize = 3;
@@ -77,7 +77,7 @@ fn an_episode_that_is_taken_holds_numbers_only() {
         let Ok(used) = header.validate(&records) else { continue };
         taken += 1;
         assert_eq!((header.schema, used.len() as u64), (SCHEMA, header.n_records));
-        assert!(reason::is_valid(&header.reason));
+        assert!(text::is_valid(&header.reason));
         assert!(header.measures.iter().all(|measure| measure.value.is_finite()));
         for record in used {
             assert!(record.as_bytes()[16..in_record].chunks_exact(8).all(is_number), "{record:?}");

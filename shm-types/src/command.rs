@@ -8,7 +8,7 @@ use thiserror::Error;
 
 use crate::SCHEMA;
 use crate::policy::{PolicyMsg, PolicyName};
-use crate::reason::{self, NO_REASON, REASON_LEN};
+use crate::text::{self, NO_REASON, REASON_LEN};
 
 pub const COMMAND_STATUS: u64 = 1;
 pub const COMMAND_STOP: u64 = 2;
@@ -198,12 +198,12 @@ impl Reply {
 
     /// A refused one; a reason that is too long loses its end.
     pub fn refused(id: u64, status: Status, reason: &str) -> Reply {
-        Reply { accepted: 0, reason: reason::pack(reason), ..Reply::accepted(id, status) }
+        Reply { accepted: 0, reason: text::pack(reason), ..Reply::accepted(id, status) }
     }
 
     /// What a person reads.
     pub fn reason_text(&self) -> String {
-        reason::unpack(&self.reason)
+        text::unpack(&self.reason)
     }
 }
 

@@ -4,7 +4,7 @@ use iceoryx2::prelude::ZeroCopySend;
 use thiserror::Error;
 
 use crate::measures::{Measures, MeasuresError};
-use crate::reason::{self, NO_REASON, REASON_LEN};
+use crate::text::{self, NO_REASON, REASON_LEN};
 use crate::{MAX_JOINTS, SCHEMA, TASK_DIM};
 
 /// Longest rollout, in ticks: 4 s at 1 kHz.
@@ -94,7 +94,7 @@ message! {
         pub n_records: u64,
         /// First fault of the rollout, or 0.
         pub fault: u64,
-        /// Why the policy was refused, where it was; see [`crate::reason`].
+        /// Why the policy was refused, where it was; see [`crate::text`].
         pub reason: [u8; REASON_LEN],
         /// What only the plant could measure; the rest follows from the records.
         pub measures: Measures,
@@ -192,7 +192,7 @@ impl EpisodeHeader {
         if self.schema != SCHEMA {
             return Err(EpisodeError::Schema { found: self.schema });
         }
-        if !reason::is_valid(&self.reason) {
+        if !text::is_valid(&self.reason) {
             return Err(EpisodeError::Reason);
         }
         let used = usize::try_from(self.n_records)

@@ -23,9 +23,9 @@ pub mod plant;
 pub mod policy;
 pub mod policy_json;
 pub mod ports;
-pub mod reason;
 pub mod service_manager;
 pub mod telemetry;
+pub mod text;
 mod tool;
 
 pub use schema::{Digest, SCHEMA};

@@ -5,9 +5,9 @@
 
 use iceoryx2::prelude::ZeroCopySend;
 
+use crate::MAX_JOINTS;
 use crate::measures::{MAX_MEASURES, Measures, NAME_LEN, UNIT_LEN};
-use crate::reason::REASON_LEN;
-use crate::{MAX_JOINTS, reason};
+use crate::text::{self, REASON_LEN};
 
 pub mod socket;
 
@@ -149,9 +149,9 @@ impl PlantHello {
         self.flags & PLANT_SIMULATED != 0
     }
 
-    /// For people: whoever sent it cannot write anything but text to a terminal.
+    /// For people.
     pub fn name(&self) -> String {
-        name_text(&self.name)
+        text::unpack(&self.name)
     }
 }
 
@@ -167,7 +167,7 @@ impl PlantWelcome {
             accepted: 0,
             boot_id: 0,
             period_ns: 0,
-            reason: reason::pack(why),
+            reason: text::pack(why),
         }
     }
 }
@@ -215,24 +215,6 @@ impl PlantOutcome {
     }
 }
 
-/// A name in its field; one that is too long loses its end.
-pub fn name_field(name: &str) -> [u8; PLANT_NAME_LEN] {
-    let mut end = name.len().min(PLANT_NAME_LEN);
-    while !name.is_char_boundary(end) {
-        end -= 1;
-    }
-    let mut field = [0; PLANT_NAME_LEN];
-    field[..end].copy_from_slice(&name.as_bytes()[..end]);
-    field
-}
-
-/// What a person reads of a name in its field.
-pub fn name_text(field: &[u8; PLANT_NAME_LEN]) -> String {
-    let end = field.iter().position(|byte| *byte == 0).unwrap_or(PLANT_NAME_LEN);
-    let text = String::from_utf8_lossy(&field[..end]);
-    text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -258,10 +240,11 @@ mod tests {
 
     #[test]
     fn a_name_is_text_whatever_came() {
-        assert_eq!(name_text(&name_field("wam é")), "wam é");
+        let named = text::pack::<PLANT_NAME_LEN>;
+        assert_eq!(text::unpack(&named("wam é")), "wam é");
         let long = "µ".repeat(PLANT_NAME_LEN);
-        assert_eq!(name_text(&name_field(&long)), "µ".repeat(PLANT_NAME_LEN / 2));
-        assert_eq!(name_text(&name_field("a\x1b[2J")), "a [2J");
-        assert!(name_text(&[0xff; PLANT_NAME_LEN]).starts_with('\u{fffd}'));
+        assert_eq!(text::unpack(&named(&long)), "µ".repeat(PLANT_NAME_LEN / 2));
+        assert_eq!(text::unpack(&named("a\x1b[2J")), "a [2J");
+        assert!(text::unpack(&[0xff; PLANT_NAME_LEN]).starts_with('\u{fffd}'));
     }
 }

@@ -41,9 +41,9 @@ use shm_types::plant::socket::{self, Buffer, Connection, LinkError, Message, Soc
 use shm_types::plant::{
     MODE_HOLD, MODE_RESET, MODE_STOP, MODE_TRACK, PLANT_CAN_RESET, PLANT_DETERMINISTIC,
     PLANT_HAS_OBJECT, PLANT_SIMULATED, PlantCommand, PlantHello, PlantOutcome, PlantState,
-    STATE_IN_CONTACT, STATE_OBJECT_SEEN, name_field,
+    STATE_IN_CONTACT, STATE_OBJECT_SEEN,
 };
-use shm_types::reason;
+use shm_types::text;
 use thiserror::Error;
 
 pub use shm_types::MAX_JOINTS;
@@ -144,7 +144,7 @@ impl Description<'_> {
             (self.is_deterministic, PLANT_DETERMINISTIC),
         ];
         let mut hello = PlantHello {
-            name: name_field(self.name),
+            name: text::pack(self.name),
             n_joints: self.n_joints as u64,
             flags: flags.iter().filter(|(is, _)| *is).map(|(_, flag)| flag).sum(),
             period_ns: (self.period_s * 1e9).round() as u64,
@@ -153,7 +153,7 @@ impl Description<'_> {
             ..PlantHello::EMPTY
         };
         for (field, name) in hello.joint_names.iter_mut().zip(self.joint_names) {
-            *field = name_field(name);
+            *field = text::pack(name);
         }
         for (field, limit) in hello.tau_max.iter_mut().zip(self.torque_limits) {
             *field = *limit;
@@ -230,7 +230,7 @@ impl Plant {
         match link.receive(&mut buffer, SILENCE)? {
             Some(Message::Welcome(welcome)) if welcome.accepted == 1 => {}
             Some(Message::Welcome(welcome)) => {
-                return Err(PlantError::Refused(reason::unpack(&welcome.reason)));
+                return Err(PlantError::Refused(text::unpack(&welcome.reason)));
             }
             Some(_) => return Err(PlantError::Refused("it answered with no Welcome".into())),
             None => return Err(PlantError::Silent(SILENCE.as_secs_f64())),
@@ -337,9 +337,7 @@ impl Plant {
 fn command_of(message: Option<Message>) -> Result<Option<PlantCommand>, PlantError> {
     match message {
         Some(Message::Command(command)) => Ok(Some(*command)),
-        Some(Message::Welcome(welcome)) => {
-            Err(PlantError::Refused(reason::unpack(&welcome.reason)))
-        }
+        Some(Message::Welcome(welcome)) => Err(PlantError::Refused(text::unpack(&welcome.reason))),
         Some(_) | None => Ok(None),
     }
 }

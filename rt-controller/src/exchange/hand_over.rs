@@ -7,7 +7,7 @@ use shm_types::channel::EpisodeLoan;
 use shm_types::episode::{Ack, EpisodeHeader};
 use shm_types::measures::Measures;
 use shm_types::policy::{PolicyMsg, PolicyName};
-use shm_types::reason;
+use shm_types::text;
 
 use crate::disk::spool::{Spool, Spooled};
 use crate::exchange::serving::Next;
@@ -278,7 +278,7 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
                 self.refused += 1;
                 *episode.user_header_mut() = EpisodeHeader {
                     fault: Fault::PolicyRefused as u64,
-                    reason: reason::pack(&error.to_string()),
+                    reason: text::pack(&error.to_string()),
                     ..self.header(&name)
                 };
                 self.send(name, episode);

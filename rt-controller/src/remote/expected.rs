@@ -1,7 +1,8 @@
 //! What a plant must be for this controller: compared before anything moves.
 
 use physics::arm::ArmModel;
-use shm_types::plant::{PLANT_CAN_RESET, PLANT_HAS_OBJECT, PLANT_VERSION, PlantHello, name_text};
+use shm_types::plant::{PLANT_CAN_RESET, PLANT_HAS_OBJECT, PLANT_VERSION, PlantHello};
+use shm_types::text;
 use thiserror::Error;
 
 /// By which share two torque limits may differ: what decimal text costs.
@@ -116,7 +117,7 @@ impl Expected {
 
     fn check_names(&self, hello: &PlantHello) -> Result<(), Refused> {
         for (i, ours) in self.joint_names.iter().enumerate() {
-            let theirs = name_text(&hello.joint_names[i]);
+            let theirs = text::unpack(&hello.joint_names[i]);
             if !theirs.is_empty() && theirs != *ours {
                 let (ours, order) = (ours.clone(), self.joint_names.join(", "));
                 return Err(Refused::JointName { place: i + 1, theirs, ours, order });
@@ -149,7 +150,7 @@ fn hex(digest: &[u8; 32]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use shm_types::plant::{PLANT_SIMULATED, name_field};
+    use shm_types::plant::PLANT_SIMULATED;
 
     fn expected() -> Expected {
         let urdf = include_str!("../../../robots/wam7/wam7_pan.urdf");
@@ -167,7 +168,7 @@ mod tests {
         assert_eq!(expected().check(&hello()), Ok(()));
         let mut said = hello();
         for (i, name) in expected().joint_names.iter().enumerate() {
-            said.joint_names[i] = name_field(name);
+            said.joint_names[i] = text::pack(name);
             said.tau_max[i] = expected().tau_max[i];
         }
         said.urdf_sha256 = [7; 32];
@@ -186,7 +187,7 @@ mod tests {
         let changes: [(Change, [&str; 2]); 10] = [
             (|h| h.version = 2, ["version 2", "controller 1"]),
             (|h| h.n_joints = 6, ["6 joints", "arm 7"]),
-            (|h| h.joint_names[1] = name_field("j1"), ["'j1'", "this order: "]),
+            (|h| h.joint_names[1] = text::pack("j1"), ["'j1'", "this order: "]),
             (|h| h.period_ns = 2_000_000, ["2000000 ns", "1000000"]),
             (|h| h.flags &= !PLANT_SIMULATED, ["real", "--pace plant"]),
             (|h| h.flags &= !PLANT_CAN_RESET, ["cannot reset", "start"]),

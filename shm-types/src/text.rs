@@ -1,4 +1,4 @@
-//! A reason in a message: UTF-8 in a field of fixed size, filled up with zeros.
+//! Text in a message: UTF-8 in a field of fixed size, filled up with zeros. A reason, a name.
 
 /// Bytes of a reason.
 pub const REASON_LEN: usize = 320;
@@ -7,27 +7,27 @@ pub const REASON_LEN: usize = 320;
 pub const NO_REASON: [u8; REASON_LEN] = [0; REASON_LEN];
 
 /// One that is too long loses its end.
-pub fn pack(text: &str) -> [u8; REASON_LEN] {
-    let mut end = text.len().min(REASON_LEN);
+pub fn pack<const LEN: usize>(text: &str) -> [u8; LEN] {
+    let mut end = text.len().min(LEN);
     while !text.is_char_boundary(end) {
         end -= 1;
     }
-    let mut reason = NO_REASON;
-    reason[..end].copy_from_slice(&text.as_bytes()[..end]);
-    reason
+    let mut field = [0; LEN];
+    field[..end].copy_from_slice(&text.as_bytes()[..end]);
+    field
 }
 
-/// What a person reads: whoever sent it cannot write to his terminal anything but text.
-pub fn unpack(reason: &[u8; REASON_LEN]) -> String {
-    let end = reason.iter().position(|byte| *byte == 0).unwrap_or(REASON_LEN);
-    let text = String::from_utf8_lossy(&reason[..end]);
+/// What a person reads: its sender cannot write anything but text to a terminal.
+pub fn unpack<const LEN: usize>(field: &[u8; LEN]) -> String {
+    let end = field.iter().position(|byte| *byte == 0).unwrap_or(LEN);
+    let text = String::from_utf8_lossy(&field[..end]);
     text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
 }
 
 /// UTF-8, and nothing but zeros after its end.
-pub fn is_valid(reason: &[u8; REASON_LEN]) -> bool {
-    let end = reason.iter().position(|byte| *byte == 0).unwrap_or(REASON_LEN);
-    std::str::from_utf8(&reason[..end]).is_ok() && reason[end..].iter().all(|byte| *byte == 0)
+pub fn is_valid<const LEN: usize>(field: &[u8; LEN]) -> bool {
+    let end = field.iter().position(|byte| *byte == 0).unwrap_or(LEN);
+    std::str::from_utf8(&field[..end]).is_ok() && field[end..].iter().all(|byte| *byte == 0)
 }
 
 #[cfg(test)]
@@ -36,6 +36,7 @@ mod tests {
 
     #[test]
     fn a_reason_is_cut_between_characters_and_is_text_alone() {
+        let pack = pack::<REASON_LEN>;
         let long = pack(&"µ".repeat(REASON_LEN));
         assert_eq!(unpack(&long), "µ".repeat(REASON_LEN / 2));
         assert!(is_valid(&long) && is_valid(&NO_REASON));
