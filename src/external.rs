@@ -1,18 +1,18 @@
 //! Plants in another process: what the configuration expects of one, and the program it may name.
 
 use std::ffi::OsString;
+use std::ops::{Deref, DerefMut};
 use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
-use physics::arm::{ArmModel, JointVector};
-use physics::plant::{Measurement, Plant, Presence};
-use rt_controller::Pace;
+use physics::arm::ArmModel;
 use rt_controller::remote::expected::Expected;
-use rt_controller::remote::hosted::Hosted;
+use rt_controller::remote::plant::RemotePlant;
 use rt_controller::run::External;
+use rt_controller::{Pace, boot_id};
 use sha2::{Digest, Sha256};
 use shm_types::cell::Cell;
 use shm_types::plant::socket;
@@ -64,7 +64,7 @@ pub fn environment(config: &Config, socket: &Path) -> Result<[(&'static str, OsS
 
 /// The program of a configuration's external plant, for a rollout at a time.
 pub struct Started {
-    hosted: Hosted,
+    plant: RemotePlant,
     program: Service,
     dir: PathBuf,
 }
@@ -85,10 +85,10 @@ impl Started {
         let socket = dir.join("plant.sock");
         let expected = expected(config, model, true)?;
         let external = External { socket: socket.clone(), expected };
-        let hosted = Hosted::open(external, &config.plant.start_posture())?;
+        let plant = RemotePlant::open(external, &config.plant.start_posture(), boot_id())?;
         let (environment, log) = (environment(config, &socket)?, dir.join("plant.log"));
         let program = Service::start_program("plant", &config.plant.program, log, &environment)?;
-        let mut started = Started { hosted, program, dir };
+        let mut started = Started { plant, program, dir };
         started.wait()?;
         Ok(started)
     }
@@ -96,7 +96,7 @@ impl Started {
     fn wait(&mut self) -> Result<()> {
         let start = Instant::now();
         while start.elapsed() < TO_COME {
-            if self.hosted.has_come(Duration::from_millis(50)) {
+            if self.plant.has_come(Duration::from_millis(50)) {
                 return Ok(());
             }
             if let Some(status) = self.program.exited()? {
@@ -114,32 +114,16 @@ impl Drop for Started {
     }
 }
 
-impl Plant for Started {
-    fn is_simulated(&self) -> bool {
-        true
-    }
+impl Deref for Started {
+    type Target = RemotePlant;
 
-    fn begin_reset(&mut self) {
-        self.hosted.begin_reset();
+    fn deref(&self) -> &RemotePlant {
+        &self.plant
     }
+}
 
-    fn is_ready(&self) -> bool {
-        self.hosted.is_ready()
-    }
-
-    fn measure(&self) -> Measurement {
-        self.hosted.measure()
-    }
-
-    fn apply(&mut self, tau: &JointVector) {
-        self.hosted.apply(tau);
-    }
-
-    fn advance(&mut self) {
-        self.hosted.advance();
-    }
-
-    fn presence(&mut self) -> Presence {
-        self.hosted.presence()
+impl DerefMut for Started {
+    fn deref_mut(&mut self) -> &mut RemotePlant {
+        &mut self.plant
     }
 }

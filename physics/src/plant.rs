@@ -1,5 +1,6 @@
 //! What a controller sees of the world: measure, apply, advance.
 
+use std::ops::DerefMut;
 use std::time::Duration;
 
 use nalgebra::{UnitQuaternion, Vector3};
@@ -99,7 +100,8 @@ pub trait Plant: Send {
     fn wait(&mut self, _longest: Duration) {}
 }
 
-impl<P: Plant + ?Sized> Plant for Box<P> {
+/// What leads to a plant is one: a box, or what keeps its process.
+impl<T: DerefMut<Target: Plant> + Send> Plant for T {
     fn is_simulated(&self) -> bool {
         (**self).is_simulated()
     }

@@ -24,6 +24,7 @@ pub mod simulate;
 mod summary;
 
 pub use config::{ControllerConfig, Pace};
+pub use exchange::boot_id;
 pub use executor::action::run_action;
 pub use run::{run, run_external};
 pub use summary::{RunError, RunSummary};

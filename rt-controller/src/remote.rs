@@ -6,8 +6,7 @@
 
 pub(crate) mod door;
 pub mod expected;
-pub mod hosted;
-pub(crate) mod plant;
+pub mod plant;
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -47,23 +46,21 @@ pub(crate) enum Ended {
 pub(crate) struct Ends {
     pub arrivals: Consumer<Arrival>,
     pub departures: Producer<Ended>,
+    pub has_hung_up: Arc<AtomicBool>,
 }
 
 pub(crate) struct DoorEnds {
     pub arrivals: Producer<Arrival>,
     pub departures: Consumer<Ended>,
-}
-
-/// What the door sees of a connection while the loop does not look.
-#[derive(Default)]
-pub(crate) struct Seen {
-    /// The plant in the loop has closed its end.
-    pub has_hung_up: AtomicBool,
+    /// The plant in the loop has closed its end: seen while the loop does not look.
+    pub has_hung_up: Arc<AtomicBool>,
 }
 
 pub(crate) fn rings() -> (Ends, DoorEnds) {
     // One plant at a time: the next one is let in when the last one has departed.
     let (arrive, arrivals) = RingBuffer::new(1);
     let (departures, depart) = RingBuffer::new(1);
-    (Ends { arrivals, departures }, DoorEnds { arrivals: arrive, departures: depart })
+    let has_hung_up = Arc::new(AtomicBool::new(false));
+    let ends = Ends { arrivals, departures, has_hung_up: has_hung_up.clone() };
+    (ends, DoorEnds { arrivals: arrive, departures: depart, has_hung_up })
 }

@@ -1,7 +1,6 @@
 //! Runs the controller of an arm.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -21,10 +20,8 @@ use crate::exchange::setup::Setup;
 use crate::executor::arm::RtLoop;
 use crate::executor::latch::Latch;
 use crate::hot::tick::Controller;
-use crate::remote::door::Door;
 use crate::remote::expected::Expected;
 use crate::remote::plant::RemotePlant;
-use crate::remote::{self, Seen};
 use crate::rt::{self, Clock};
 use crate::serve::serve;
 use crate::summary::{RunError, RunSummary};
@@ -59,10 +56,7 @@ pub fn run<P: Plant>(
     state: Option<&Path>,
     stop: &AtomicBool,
 ) -> Result<RunSummary, RunError> {
-    config.validate()?;
-    let lock = cell.lock(Role::Controller)?;
-    let setting = Setting { config, pace, state, boot_id: boot_id() };
-    run_locked((&lock, cell), setting, controlled, |_| Measures::NONE, stop)
+    Start::new(cell, config, pace, state)?.run(controlled, |_| Measures::NONE, stop)
 }
 
 /// The same, of a plant that another process is. It may come, go and come again.
@@ -75,94 +69,95 @@ pub fn run_external(
     state: Option<&Path>,
     stop: &AtomicBool,
 ) -> Result<RunSummary, RunError> {
-    config.validate()?;
-    let lock = cell.lock(Role::Controller)?;
-    let setting = Setting { config, pace, state, boot_id: boot_id() };
-    let (ends, door_ends) = remote::rings();
-    let seen = Arc::new(Seen::default());
-    let External { socket, expected } = external;
-    let mut plant = RemotePlant::new(ends, seen.clone(), &expected, &arm.1);
-    let door = Door::open(&socket, expected, setting.boot_id, door_ends, seen)?;
-    let is_over = AtomicBool::new(false);
+    let start = Start::new(cell, config, pace, state)?;
     let (model, q0, referee) = arm;
+    let mut plant = RemotePlant::open(external, &q0, start.boot_id)?;
     let controlled = Controlled { model, plant: &mut plant, q0, referee };
-    std::thread::scope(|scope| {
-        scope.spawn(|| door.run(&is_over));
-        let result =
-            run_locked((&lock, cell), setting, controlled, RemotePlant::take_outcome, stop);
-        is_over.store(true, Ordering::Relaxed);
-        result
-    })
+    start.run(controlled, RemotePlant::take_outcome, stop)
 }
 
-/// How a controller runs.
-struct Setting<'a> {
+/// A controller that may start: its settings are good, and the cell is its own.
+struct Start<'a> {
+    lock: CellLock,
     config: &'a ControllerConfig,
     pace: Pace,
     state: Option<&'a Path>,
     boot_id: u64,
 }
 
-fn run_locked<P: Plant>(
-    (lock, cell): (&CellLock, &Cell),
-    Setting { config, pace, state, boot_id }: Setting,
-    controlled: Controlled<P>,
-    outcome: fn(&mut P) -> Measures,
-    stop: &AtomicBool,
-) -> Result<RunSummary, RunError> {
-    let Controlled { model, plant, q0, referee } = controlled;
-    if pace == Pace::Realtime && plant.presence() == Presence::There {
-        check_period(Controller::new(model, &q0, config, &referee), plant, config.period_us)?;
+impl<'a> Start<'a> {
+    fn new(
+        cell: &Cell,
+        config: &'a ControllerConfig,
+        pace: Pace,
+        state: Option<&'a Path>,
+    ) -> Result<Start<'a>, RunError> {
+        config.validate()?;
+        let lock = cell.lock(Role::Controller)?;
+        Ok(Start { lock, config, pace, state, boot_id: boot_id() })
     }
-    let admit = |message: &PolicyMsg| {
-        let policy = admit(message, model, config)?;
-        Ok((policy, records_needed(message.duration_s, config)))
-    };
-    let admit_to_serve = |message: &PolicyMsg| {
-        let (policy, n_records) = admit(message)?;
-        dry_run(&policy, model, &q0, config)?;
-        Ok((policy, n_records))
-    };
-    let privileged = AtomicBool::new(false);
-    let latch = Latch::new();
-    let alone_after = Duration::from_secs_f64(config.alone_after_s);
-    let setup = Setup {
-        boot_id,
-        admit: &admit,
-        admit_to_serve: &admit_to_serve,
-        period_ns: config.period_ns(),
-        record_ns: config.period_ns() * config.record_stride() as u64,
-        pace,
-        privileged: &privileged,
-        latch: &latch,
-        n_joints: model.n_joints(),
-        can_swap: true,
-        blend_ticks: config.blend_ticks().into(),
-        alone_after: (config.alone == Alone::Serve).then_some(alone_after),
-        state,
-    };
-    serve(lock, cell, setup, stop, |ends| {
-        let controller = Controller::new(model, &q0, config, &referee);
-        let rt_loop = RtLoop::new(controller, plant, ends, &latch, config, outcome);
-        match pace {
-            Pace::Realtime | Pace::Plant => {
-                let granted = rt::acquire(config.priority, rt::loop_core(config.cpu));
-                for missing in &granted.missing {
-                    tracing::warn!("real time is degraded: {missing}");
-                }
-                if cfg!(debug_assertions) {
-                    tracing::warn!("this is a development build: its timings mean nothing");
-                }
-                privileged.store(granted.fifo, Ordering::Relaxed);
-                if pace == Pace::Plant {
-                    return rt_loop.run_by_plant(stop);
-                }
-                let spin_ns = u64::from(config.spin_us) * 1000;
-                rt_loop.run_paced(Clock::new(config.period_ns(), 0, spin_ns), stop);
-            }
-            Pace::Max => rt_loop.run_unpaced(stop),
+
+    fn run<P: Plant>(
+        &self,
+        controlled: Controlled<P>,
+        outcome: fn(&mut P) -> Measures,
+        stop: &AtomicBool,
+    ) -> Result<RunSummary, RunError> {
+        let Start { ref lock, config, pace, state, boot_id } = *self;
+        let Controlled { model, plant, q0, referee } = controlled;
+        if pace == Pace::Realtime && plant.presence() == Presence::There {
+            check_period(Controller::new(model, &q0, config, &referee), plant, config.period_us)?;
         }
-    })
+        let admit = |message: &PolicyMsg| {
+            let policy = admit(message, model, config)?;
+            Ok((policy, records_needed(message.duration_s, config)))
+        };
+        let admit_to_serve = |message: &PolicyMsg| {
+            let (policy, n_records) = admit(message)?;
+            dry_run(&policy, model, &q0, config)?;
+            Ok((policy, n_records))
+        };
+        let privileged = AtomicBool::new(false);
+        let latch = Latch::new();
+        let alone_after = Duration::from_secs_f64(config.alone_after_s);
+        let setup = Setup {
+            boot_id,
+            admit: &admit,
+            admit_to_serve: &admit_to_serve,
+            period_ns: config.period_ns(),
+            record_ns: config.period_ns() * config.record_stride() as u64,
+            pace,
+            privileged: &privileged,
+            latch: &latch,
+            n_joints: model.n_joints(),
+            can_swap: true,
+            blend_ticks: config.blend_ticks().into(),
+            alone_after: (config.alone == Alone::Serve).then_some(alone_after),
+            state,
+        };
+        serve(lock, setup, stop, |ends| {
+            let controller = Controller::new(model, &q0, config, &referee);
+            let rt_loop = RtLoop::new(controller, plant, ends, &latch, config, outcome);
+            match pace {
+                Pace::Realtime | Pace::Plant => {
+                    let granted = rt::acquire(config.priority, rt::loop_core(config.cpu));
+                    for missing in &granted.missing {
+                        tracing::warn!("real time is degraded: {missing}");
+                    }
+                    if cfg!(debug_assertions) {
+                        tracing::warn!("this is a development build: its timings mean nothing");
+                    }
+                    privileged.store(granted.fifo, Ordering::Relaxed);
+                    if pace == Pace::Plant {
+                        return rt_loop.run_by_plant(stop);
+                    }
+                    let spin_ns = u64::from(config.spin_us) * 1000;
+                    rt_loop.run_paced(Clock::new(config.period_ns(), 0, spin_ns), stop);
+                }
+                Pace::Max => rt_loop.run_unpaced(stop),
+            }
+        })
+    }
 }
 
 /// A period that the host cannot hold is better refused than overrun: the median cost of a tick and

@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use rtrb::RingBuffer;
-use shm_types::cell::{Cell, CellLock};
+use shm_types::cell::CellLock;
 use shm_types::channel::EPISODE_LOANS;
 use shm_types::ports::ControllerPorts;
 use shm_types::service_manager::{Notice, notify};
@@ -27,14 +27,14 @@ const FLIGHT_RING: usize = 2;
 const EXCHANGE_PRIORITY: u8 = 1;
 
 /// Serves the cell until `stop` is set; `execute` runs on its own thread and returns when `stop`
-/// is set. Call with the cell's controller lock held.
+/// is set. `lock` is the controller's, of the cell to serve.
 pub(crate) fn serve<P: Send + Clone + PartialEq>(
-    _lock: &CellLock,
-    cell: &Cell,
+    lock: &CellLock,
     setup: Setup<'_, P>,
     stop: &AtomicBool,
     execute: impl FnOnce(Ends<P>) + Send,
 ) -> Result<RunSummary, RunError> {
+    let cell = lock.cell();
     let ports = ControllerPorts::create(cell)?;
     let (job_tx, jobs) = RingBuffer::new(EPISODE_LOANS);
     let (swap_tx, swaps) = RingBuffer::new(SWAP_RING);

@@ -82,6 +82,12 @@ pub struct CellLock {
     cell: Cell,
 }
 
+impl CellLock {
+    pub fn cell(&self) -> &Cell {
+        &self.cell
+    }
+}
+
 impl Drop for CellLock {
     fn drop(&mut self) {
         self.file = None;

@@ -30,13 +30,19 @@ pub fn executor(config: &Config) -> Result<Box<Executor>> {
         }
         World::Arm(arm) => {
             let ArmWorld { model, q0, mut plant, referee, .. } = (arm.world)(config)?;
+            let controller = config.controller.clone();
             if config.plant.is_external() {
-                plant = Box::new(Started::new(config, &model)?);
+                let mut plant = Started::new(config, &model)?;
+                return Ok(Box::new(move |policy| {
+                    let mut controlled =
+                        Controlled { model: &model, plant: &mut plant, q0, referee };
+                    let (header, records) = episode(&mut controlled, &controller, policy)?;
+                    Ok((EpisodeHeader { measures: plant.take_outcome(), ..header }, records))
+                }));
             }
-            let config = config.controller.clone();
             Box::new(move |policy| {
                 let mut controlled = Controlled { model: &model, plant: &mut plant, q0, referee };
-                episode(&mut controlled, &config, policy)
+                episode(&mut controlled, &controller, policy)
             })
         }
     })

@@ -295,7 +295,7 @@ fn restore<P: PartialEq>(setup: &Setup<P>, left: &State) -> Serving<P> {
 }
 
 /// Tells one start of a controller from another. Names a process, decides nothing.
-pub(crate) fn boot_id() -> u64 {
+pub fn boot_id() -> u64 {
     let clock = rustix::time::clock_gettime(rustix::time::ClockId::Realtime);
     (clock.tv_sec as u64).wrapping_mul(1_000_000_000).wrapping_add(clock.tv_nsec as u64)
 }

@@ -63,7 +63,7 @@ pub fn run_action<W: ActionWorld + ?Sized>(
         state,
     };
     let lock = cell.lock(Role::Controller)?;
-    serve(&lock, cell, setup, stop, |ends| execute(ends, world, stop))
+    serve(&lock, setup, stop, |ends| execute(ends, world, stop))
 }
 
 /// An action and the path of the tracked object under it.

@@ -2,16 +2,17 @@
 //!
 //! Everything that takes its time or its words happens here, so that the rt thread only sends and receives.
 
-use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use shm_types::plant::socket::{Buffer, Connection, LinkError, Listener, Message, SocketError};
 use shm_types::plant::{MODE_STOP, PlantCommand, PlantHello, PlantState, PlantWelcome};
 
 use crate::remote::expected::Expected;
-use crate::remote::{Arrival, DoorEnds, Ended, Seen};
+use crate::remote::{Arrival, DoorEnds, Ended};
+use crate::run::External;
 
 /// How long a plant may take to say who it is, and then for its first sample.
 const PATIENCE: Duration = Duration::from_secs(5);
@@ -27,7 +28,6 @@ pub(crate) struct Door {
     expected: Expected,
     boot_id: u64,
     ends: DoorEnds,
-    seen: Arc<Seen>,
     uid: u32,
     /// The plant in the loop.
     inside: Option<Inside>,
@@ -39,23 +39,42 @@ struct Inside {
     name: String,
 }
 
+/// The thread that minds a door; it ends with this.
+pub(crate) struct DoorThread {
+    is_over: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Drop for DoorThread {
+    fn drop(&mut self) {
+        self.is_over.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            // One that panicked has said so.
+            let _ = thread.join();
+        }
+    }
+}
+
 impl Door {
-    /// Opens it at `path`. Call with the cell's controller lock held.
+    /// Opens one at the socket of `external`, and minds it.
     pub fn open(
-        path: &Path,
-        expected: Expected,
+        external: External,
         boot_id: u64,
         ends: DoorEnds,
-        seen: Arc<Seen>,
-    ) -> Result<Door, SocketError> {
-        let listener = Listener::bind(path)?;
-        tracing::info!(socket = %path.display(), "waiting for a plant");
+    ) -> Result<DoorThread, SocketError> {
+        let External { socket, expected } = external;
+        let listener = Listener::bind(&socket)?;
+        tracing::info!(socket = %socket.display(), "waiting for a plant");
         let (uid, told) = (rustix::process::getuid().as_raw(), Instant::now());
-        Ok(Door { listener, expected, boot_id, ends, seen, uid, inside: None, told })
+        let door = Door { listener, expected, boot_id, ends, uid, inside: None, told };
+        let is_over = Arc::new(AtomicBool::new(false));
+        let stop = is_over.clone();
+        let thread = Some(std::thread::spawn(move || door.run(&stop)));
+        Ok(DoorThread { is_over, thread })
     }
 
     /// Until `stop` is set.
-    pub fn run(mut self, stop: &AtomicBool) {
+    fn run(mut self, stop: &AtomicBool) {
         while !stop.load(Ordering::Relaxed) {
             self.look_after();
             match self.listener.accept(ROUND) {
@@ -86,11 +105,11 @@ impl Door {
                 "the plant is lost: {ended}; the arm is held. Start it again, then `skillet rearm`"
             );
             self.inside = None;
-            self.seen.has_hung_up.store(false, Ordering::Release);
+            self.ends.has_hung_up.store(false, Ordering::Release);
             return;
         }
         if inside.link.is_gone() {
-            self.seen.has_hung_up.store(true, Ordering::Release);
+            self.ends.has_hung_up.store(true, Ordering::Release);
         } else if self.expected.is_simulated && self.told.elapsed() >= SIGN_OF_LIFE {
             self.told = Instant::now();
             // Full: then it has not even read the last ones.

@@ -9,16 +9,20 @@ use physics::arm::JointVector;
 use physics::plant::{Measurement, ObjectState, Plant, Presence};
 use shm_types::MAX_JOINTS;
 use shm_types::measures::Measures;
-use shm_types::plant::socket::{Buffer, Connection, LinkError, Message};
+use shm_types::plant::socket::{Buffer, Connection, LinkError, Message, SocketError};
 use shm_types::plant::{
     KIND_COMMAND, MODE_RESET, MODE_TRACK, PlantCommand, PlantState, STATE_IN_CONTACT,
 };
 
+use crate::remote::door::{Door, DoorThread};
 use crate::remote::expected::Expected;
-use crate::remote::{Arrival, Ended, Ends, Seen};
+use crate::remote::{Arrival, Ended, Ends, rings};
+use crate::run::External;
 
 /// How long the loop waits for a simulator before it looks at everything else.
 const SLICE: Duration = Duration::from_millis(50);
+/// Between two looks whether a plant has come.
+const LOOK: Duration = Duration::from_millis(5);
 /// Samples that are taken at once after a pause of the loop.
 const MAX_WAITING: usize = 64;
 /// A torque for a real arm is worth something for so many periods.
@@ -32,9 +36,10 @@ const START_TOLERANCE: f64 = 0.01;
 /// By how much the square of a unit quaternion's norm may differ from 1.
 const UNIT: f64 = 1e-6;
 
-pub(crate) struct RemotePlant {
+pub struct RemotePlant {
     ends: Ends,
-    seen: Arc<Seen>,
+    /// Where it comes to; closed with this.
+    _door: DoorThread,
     is_simulated: bool,
     period_ns: u64,
     /// Where a simulator's episodes begin, rad.
@@ -59,15 +64,23 @@ pub(crate) struct RemotePlant {
 }
 
 impl RemotePlant {
-    /// In lockstep, or a real one that is the clock.
-    pub fn new(ends: Ends, seen: Arc<Seen>, expected: &Expected, q0: &JointVector) -> RemotePlant {
-        RemotePlant {
+    /// Opens the door to a plant that is in lockstep, its episodes beginning at `q0`, rad, or to a real one.
+    /// `boot_id` is that of the controller. Call with the lock of the cell held whose socket it is.
+    pub fn open(
+        external: External,
+        q0: &JointVector,
+        boot_id: u64,
+    ) -> Result<RemotePlant, SocketError> {
+        let (ends, door_ends) = rings();
+        let Expected { is_simulated, period_ns, ref joint_names, .. } = external.expected;
+        let n_joints = joint_names.len();
+        Ok(RemotePlant {
             ends,
-            seen,
-            is_simulated: expected.is_simulated,
-            period_ns: expected.period_ns,
+            _door: Door::open(external, boot_id, door_ends)?,
+            is_simulated,
+            period_ns,
             q0: *q0,
-            n_joints: expected.joint_names.len(),
+            n_joints,
             link: None,
             buffer: Buffer::new(),
             state: None,
@@ -79,7 +92,19 @@ impl RemotePlant {
             n_lost: 0,
             tau: [0.0; MAX_JOINTS],
             outcome: Measures::NONE,
+        })
+    }
+
+    /// Whether it has come within `patience`; for those who have no loop to look.
+    pub fn has_come(&mut self, patience: Duration) -> bool {
+        let start = Instant::now();
+        while start.elapsed() < patience {
+            if self.presence() == Presence::There {
+                return true;
+            }
+            std::thread::sleep(LOOK);
         }
+        false
     }
 
     fn take(&mut self, arrival: Arrival) {
@@ -88,7 +113,6 @@ impl RemotePlant {
             last_ns.map_or(0, |last| (last + CHANGE_NS).wrapping_sub(arrival.state.t_ns));
         self.link = Some(arrival.link);
         self.accept(arrival.state);
-        self.is_stepping = false;
         self.wanted = arrival.state.episode;
     }
 
@@ -252,7 +276,7 @@ impl Plant for RemotePlant {
         if let Ok(arrival) = self.ends.arrivals.pop() {
             self.take(arrival);
         }
-        if self.seen.has_hung_up.load(Ordering::Acquire) && !self.is_stepping {
+        if self.ends.has_hung_up.load(Ordering::Acquire) && !self.is_stepping {
             self.end(LinkError::Gone.into());
         }
         if self.is_stepping {
