@@ -143,14 +143,12 @@ fn nobody_writes_to_standard_error_or_output_past_those_who_may() {
 
 #[test]
 fn unsafe_code_stays_where_it_is_declared() {
-    // The derive of zero-copy messages, sched_setscheduler, the pointers of C, and the counting allocators of tests.
+    // The derive of zero-copy messages, sched_setscheduler, the pointers of C, and the counting allocator of tests.
     let allowed = [
         "shm-types/src/lib.rs",
         "rt-controller/src/rt/thread.rs",
         "clients/plant/src/c.rs",
-        "rt-controller/tests/hot_path.rs",
-        "rt-controller/tests/hot_loop.rs",
-        "rt-controller/tests/remote.rs",
+        "rt-controller/tests/common/heap.rs",
     ];
     let marker = concat!("allow(", "unsafe_code)");
     for (path, text) in sources() {

@@ -6,12 +6,11 @@
 
 mod common;
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell as LocalCell;
 use std::os::unix::process::ExitStatusExt;
 use std::process::{Command as Process, Output};
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use common::heap::{self, CountingAllocator};
 use common::service::Service;
 use common::{message, wam};
 use physics::arm::JointVector;
@@ -23,34 +22,8 @@ use seccompiler::{SeccompAction, SeccompFilter, apply_filter};
 use shm_types::cell::{Cell, runtime_dir};
 use shm_types::command::{AT_NOW, COMMAND_ACTIVATE, COMMAND_PIN, Command};
 
-/// Counts heap operations of threads that are being watched.
-struct CountingAllocator;
-
-thread_local! {
-    static IS_WATCHED: LocalCell<bool> = const { LocalCell::new(false) };
-}
-static HEAP_OPERATIONS: AtomicU64 = AtomicU64::new(0);
 /// Ticks of the spy.
 static TICKS: AtomicU64 = AtomicU64::new(0);
-
-fn count() {
-    if IS_WATCHED.try_with(LocalCell::get).unwrap_or(false) {
-        HEAP_OPERATIONS.fetch_add(1, Ordering::Relaxed);
-    }
-}
-
-#[allow(unsafe_code)]
-// SAFETY: every call goes to the system allocator unchanged.
-unsafe impl GlobalAlloc for CountingAllocator {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count();
-        unsafe { System.alloc(layout) }
-    }
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        count();
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
 
 #[global_allocator]
 static ALLOCATOR: CountingAllocator = CountingAllocator;
@@ -104,12 +77,12 @@ impl Plant for Spy<'_> {
         self.ticks += 1;
         TICKS.store(self.ticks, Ordering::Relaxed);
         match (self.deed, self.ticks) {
-            (Deed::Watch(_) | Deed::WatchAndAllocate(_), 1) => IS_WATCHED.set(true),
+            (Deed::Watch(_) | Deed::WatchAndAllocate(_), 1) => heap::watch(heap::this_thread()),
             (Deed::Confine | Deed::ConfineAndLog, 1) => apply_filter(&only_sleep()).unwrap(),
             (Deed::WatchAndAllocate(_), 500) => drop(std::hint::black_box(Box::new(1))),
             (Deed::ConfineAndLog, 500) => eprintln!("a tick that logs"),
             (Deed::Watch(n) | Deed::WatchAndAllocate(n), ticks) if ticks == n => {
-                IS_WATCHED.set(false);
+                heap::watch_nobody();
             }
             _ => {}
         }
@@ -152,11 +125,11 @@ fn run_cell(name: &str, pace: Pace, deed: Deed, is_over: impl Fn() -> bool) -> (
 fn the_loop_touches_no_heap_in_100_000_ticks_with_swaps() {
     // One after the other: there is one counter.
     let watch = |deed, n| {
-        HEAP_OPERATIONS.store(0, Ordering::Relaxed);
+        heap::forget_operations();
         TICKS.store(0, Ordering::Relaxed);
         let is_over = || TICKS.load(Ordering::Relaxed) > n;
         let (summary, swaps) = run_cell("heap", Pace::Max, deed, is_over);
-        (summary, swaps, HEAP_OPERATIONS.load(Ordering::Relaxed))
+        (summary, swaps, heap::operations())
     };
     let (summary, swaps, operations) = watch(Deed::Watch(100_000), 100_000);
     assert!(summary.ticks >= 100_000, "only {} ticks", summary.ticks);

@@ -3,9 +3,6 @@
 
 mod common;
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
-
 use physics::arm::{ArmModel, JointVector};
 use physics::pancake::{PancakeConfig, PancakePlant, WAM7_START_POSTURE};
 use physics::plant::{Measurement, Plant};
@@ -17,41 +14,11 @@ use rt_controller::hot::tick::{Controller, Fault};
 use shm_types::episode::TickRecord;
 use shm_types::policy::{PolicyMsg, packed_index};
 
+use common::heap::{CountingAllocator, operations_of};
 use common::{controller, message, wam};
-
-/// Counts heap operations of the threads that ask for it.
-struct CountingAllocator;
-
-thread_local! {
-    static HEAP_OPERATIONS: Cell<Option<u64>> = const { Cell::new(None) };
-}
-
-fn count() {
-    // A thread that is ending has no counter left; it is not counting either.
-    let _ = HEAP_OPERATIONS.try_with(|n| n.set(n.get().map(|n| n + 1)));
-}
-
-#[allow(unsafe_code)]
-// SAFETY: every call goes to the system allocator unchanged.
-unsafe impl GlobalAlloc for CountingAllocator {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count();
-        unsafe { System.alloc(layout) }
-    }
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        count();
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
 
 #[global_allocator]
 static ALLOCATOR: CountingAllocator = CountingAllocator;
-
-fn heap_operations(f: impl FnOnce()) -> u64 {
-    HEAP_OPERATIONS.set(Some(0));
-    f();
-    HEAP_OPERATIONS.replace(None).unwrap()
-}
 
 struct Bench {
     model: ArmModel,
@@ -104,7 +71,7 @@ fn a_tick_does_not_touch_the_heap_in_100_000_ticks() {
     while ticks < 100_000 {
         if controller.phase() == Phase::Idle {
             bench.plant.begin_reset();
-            operations += heap_operations(|| {
+            operations += operations_of(|| {
                 controller.enter_fresh_world();
                 controller.start(&policies[next % 2])
             });
@@ -112,7 +79,7 @@ fn a_tick_does_not_touch_the_heap_in_100_000_ticks() {
         }
         let measured = bench.plant.measure();
         let mut record = TickRecord::ZERO;
-        operations += heap_operations(|| {
+        operations += operations_of(|| {
             let tau = controller.tick(&measured, &mut record);
             bench.plant.apply(&tau);
         });
@@ -124,7 +91,7 @@ fn a_tick_does_not_touch_the_heap_in_100_000_ticks() {
 
 #[test]
 fn the_guard_sees_a_tick_that_allocates() {
-    assert_eq!(heap_operations(|| drop(std::hint::black_box(Box::new(1)))), 2);
+    assert_eq!(operations_of(|| drop(std::hint::black_box(Box::new(1)))), 2);
 }
 
 #[test]

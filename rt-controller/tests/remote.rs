@@ -2,11 +2,11 @@
 
 mod common;
 
-use std::alloc::{GlobalAlloc, Layout, System};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, AtomicI32, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use common::heap::{self, CountingAllocator};
 use common::{referee, wam};
 use physics::arm::{ArmModel, JointVector};
 use physics::ideal::IdealArm;
@@ -28,32 +28,6 @@ use shm_types::plant::{
 use shm_types::ports::ToolPorts;
 
 const SOON: Duration = Duration::from_secs(30);
-
-/// Counts the heap operations of one thread.
-struct CountingAllocator;
-
-static WATCHED: AtomicI32 = AtomicI32::new(0);
-static HEAP_OPERATIONS: AtomicU64 = AtomicU64::new(0);
-
-fn count() {
-    let watched = WATCHED.load(Ordering::Relaxed);
-    if watched != 0 && watched == rustix::thread::gettid().as_raw_nonzero().get() {
-        HEAP_OPERATIONS.fetch_add(1, Ordering::Relaxed);
-    }
-}
-
-#[allow(unsafe_code)]
-// SAFETY: every call goes to the system allocator unchanged.
-unsafe impl GlobalAlloc for CountingAllocator {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count();
-        unsafe { System.alloc(layout) }
-    }
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        count();
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
 
 #[global_allocator]
 static ALLOCATOR: CountingAllocator = CountingAllocator;
@@ -124,7 +98,7 @@ impl<'a> Driver<'a> {
         let mut buffer = Buffer::new();
         match link.receive(&mut buffer, SOON).unwrap() {
             Some(Message::Welcome(welcome)) => {
-                assert_eq!(welcome.accepted, 1, "{}", shm_types::reason::unpack(&welcome.reason));
+                assert_eq!(welcome.accepted, 1, "{}", shm_types::text::unpack(&welcome.reason));
             }
             other => panic!("{other:?}"),
         }
@@ -219,21 +193,21 @@ fn the_loop_touches_no_heap_over_a_plant_that_is_the_clock() {
         let mut driver = Driver::connect(model, socket, 0);
         // The first ticks may write to the log.
         assert!(driver.run(1000) > 990);
-        WATCHED.store(thread_named("skillet-rt").unwrap(), Ordering::Relaxed);
-        HEAP_OPERATIONS.store(0, Ordering::Relaxed);
+        heap::watch(thread_named("skillet-rt").unwrap());
+        heap::forget_operations();
         let answered = driver.run(n);
-        WATCHED.store(0, Ordering::Relaxed);
+        heap::watch_nobody();
         assert_eq!(tool.status(SOON).unwrap().latched_fault, 0);
         answered
     });
     assert!(answered > n * 99 / 100, "{answered} of {n} answered");
     assert!(summary.ticks >= n, "{} ticks", summary.ticks);
-    assert_eq!(HEAP_OPERATIONS.load(Ordering::Relaxed), 0, "in {n} ticks");
+    assert_eq!(heap::operations(), 0, "in {n} ticks");
     // The guard sees a thread that allocates.
-    WATCHED.store(rustix::thread::gettid().as_raw_nonzero().get(), Ordering::Relaxed);
+    heap::watch(heap::this_thread());
     drop(std::hint::black_box(Box::new(1)));
-    WATCHED.store(0, Ordering::Relaxed);
-    assert!(HEAP_OPERATIONS.load(Ordering::Relaxed) >= 2);
+    heap::watch_nobody();
+    assert!(heap::operations() >= 2);
 }
 
 /// Samples are lost, come twice, late and out of order: every torque stays within its bounds (the driver
@@ -328,7 +302,7 @@ fn a_plant_that_lies_latches_and_the_next_one_needs_a_rearm() {
             let said = loop {
                 match driver.link.receive(&mut driver.buffer, SOON).unwrap() {
                     Some(Message::Welcome(welcome)) => {
-                        break shm_types::reason::unpack(&welcome.reason);
+                        break shm_types::text::unpack(&welcome.reason);
                     }
                     Some(_) => {}
                     None => panic!("{words}: the controller said nothing"),
@@ -373,7 +347,7 @@ fn a_plant_that_says_nothing_is_told_so_and_the_next_one_is_let_in() {
         let mut buffer = Buffer::new();
         match mute.receive(&mut buffer, SOON).unwrap() {
             Some(Message::Welcome(welcome)) => {
-                let why = shm_types::reason::unpack(&welcome.reason);
+                let why = shm_types::text::unpack(&welcome.reason);
                 assert_eq!((welcome.accepted, why.contains("no Hello")), (0, true), "{why}");
             }
             other => panic!("{other:?}"),

@@ -2,6 +2,7 @@
 #![allow(dead_code, non_snake_case)] // each test file uses its own part; M is the mass matrix
 
 pub mod faulty;
+pub mod heap;
 pub mod service;
 
 use physics::arm::ArmModel;
