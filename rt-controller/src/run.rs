@@ -1,6 +1,6 @@
 //! Runs the controller of an arm.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -20,7 +20,7 @@ use crate::exchange::setup::Setup;
 use crate::executor::arm::RtLoop;
 use crate::executor::latch::Latch;
 use crate::hot::tick::Controller;
-use crate::remote::expected::Expected;
+use crate::remote::expected::External;
 use crate::remote::plant::RemotePlant;
 use crate::rt::{self, Clock};
 use crate::serve::serve;
@@ -38,12 +38,6 @@ pub struct Controlled<'a, P: Plant> {
     /// Start posture, rad.
     pub q0: JointVector,
     pub referee: Referee,
-}
-
-/// A plant in another process: where it comes to, and what it must be.
-pub struct External {
-    pub socket: PathBuf,
-    pub expected: Expected,
 }
 
 /// Runs until `stop` is set, by a signal or by a stop command. Holds the cell's controller lock.

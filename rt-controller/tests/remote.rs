@@ -16,7 +16,7 @@ use rand::RngExt;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rt_controller::remote::expected::Expected;
-use rt_controller::run::External;
+use rt_controller::remote::expected::External;
 use rt_controller::{ControllerConfig, Pace, RunSummary, run_external};
 use shm_types::cell::Cell;
 use shm_types::command::{COMMAND_REARM, COMMAND_STOP, Command, Status};

@@ -10,9 +10,8 @@ use std::time::{Duration, Instant};
 use shm_types::plant::socket::{Buffer, Connection, LinkError, Listener, Message, SocketError};
 use shm_types::plant::{MODE_STOP, PlantCommand, PlantHello, PlantState, PlantWelcome};
 
-use crate::remote::expected::Expected;
+use crate::remote::expected::{Expected, External};
 use crate::remote::{Arrival, DoorEnds, Ended};
-use crate::run::External;
 
 /// How long a plant may take to say who it is, and then for its first sample.
 const PATIENCE: Duration = Duration::from_secs(5);

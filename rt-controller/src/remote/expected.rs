@@ -1,5 +1,7 @@
 //! What a plant must be for this controller: compared before anything moves.
 
+use std::path::PathBuf;
+
 use physics::arm::ArmModel;
 use shm_types::plant::{PLANT_CAN_RESET, PLANT_HAS_OBJECT, PLANT_VERSION, PlantHello};
 use shm_types::text;
@@ -9,6 +11,12 @@ use thiserror::Error;
 const SAME: f64 = 1e-6;
 /// Farthest beyond its limit that a joint may rest, rad.
 const POSITION_TOLERANCE: f64 = 0.2;
+
+/// A plant in another process: where it comes to, and what it must be.
+pub struct External {
+    pub socket: PathBuf,
+    pub expected: Expected,
+}
 
 /// What the configuration says.
 #[derive(Clone, Debug)]

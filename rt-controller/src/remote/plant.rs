@@ -15,9 +15,8 @@ use shm_types::plant::{
 };
 
 use crate::remote::door::{Door, DoorThread};
-use crate::remote::expected::Expected;
+use crate::remote::expected::{Expected, External};
 use crate::remote::{Arrival, Ended, Ends, rings};
-use crate::run::External;
 
 /// How long the loop waits for a simulator before it looks at everything else.
 const SLICE: Duration = Duration::from_millis(50);
