@@ -9,8 +9,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 use physics::arm::ArmModel;
-use rt_controller::remote::expected::Expected;
-use rt_controller::remote::expected::External;
+use rt_controller::remote::expected::{Expected, External};
 use rt_controller::remote::plant::RemotePlant;
 use rt_controller::{Pace, boot_id};
 use sha2::{Digest, Sha256};
@@ -33,8 +32,9 @@ pub fn socket_of(config: &Config, cell: &Cell) -> PathBuf {
 
 /// The door of a controller at `pace`, and what it lets in.
 pub fn of(config: &Config, cell: &Cell, model: &ArmModel, pace: Pace) -> Result<External> {
-    let socket = socket_of(config, cell);
-    Ok(External { socket, expected: expected(config, model, pace != Pace::Plant)? })
+    let (socket, expected) =
+        (socket_of(config, cell), expected(config, model, pace != Pace::Plant)?);
+    Ok(External { socket, cell: Some(cell.clone()), expected })
 }
 
 /// What a plant must be; in lockstep when it is simulated.
@@ -84,7 +84,7 @@ impl Started {
         std::fs::DirBuilder::new().mode(0o700).create(&dir).with_context(failed)?;
         let socket = dir.join("plant.sock");
         let expected = expected(config, model, true)?;
-        let external = External { socket: socket.clone(), expected };
+        let external = External { socket: socket.clone(), cell: None, expected };
         let plant = RemotePlant::open(external, &config.plant.start_posture(), boot_id())?;
         let (environment, log) = (environment(config, &socket)?, dir.join("plant.log"));
         let program = Service::start_program("plant", &config.plant.program, log, &environment)?;

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use rt_controller::fault::Fault;
 use serde::Serialize;
-use shm_types::command::Status;
+use shm_types::command::{PLANT_ABSENT, Status};
 use shm_types::telemetry::WAITS_DISK;
 
 /// Controller and learner beat ten times a second; who was not heard for so long is silent. It is said
@@ -50,7 +50,7 @@ fn findings(status: &Status) -> Vec<(Health, String)> {
         let fault = Fault::describe(status.latched_fault as u32);
         found.push((Health::Bad, format!("the arm is held ({fault}) until `skillet rearm`")));
     }
-    if status.plant_absent == 1 {
+    if status.plant == PLANT_ABSENT {
         let why = "no plant has come yet: start it; `skillet plant check` tries one out";
         found.push((Health::Degraded, why.into()));
     }
@@ -82,7 +82,7 @@ fn findings(status: &Status) -> Vec<(Health, String)> {
         let why = "the learner waits for its disk: free space or fix permissions, see its log";
         found.push((Health::Degraded, why.into()));
     }
-    if status.realtime == 1 && status.privileged == 0 {
+    if status.is_paced() && status.privileged == 0 {
         let why = "the loop has no real-time priority: see `skillet doctor`";
         found.push((Health::Degraded, why.into()));
     }

@@ -32,7 +32,7 @@ impl Summary {
         let us = |ns: u64| ns as f64 * 1e-3;
         let timing = self.status.map(|status| {
             json!({
-                "realtime": status.realtime == 1,
+                "realtime": status.is_paced(),
                 "realtime_priority": status.privileged == 1,
                 "deadline_misses": status.deadline_misses,
                 "wakeup_p50_us": us(status.wakeup_p50_ns),
@@ -121,7 +121,7 @@ impl Summary {
         let us = |ns: u64| ns as f64 * 1e-3;
         let mut notes =
             vec![("rollouts per second".to_string(), format!("{:.1}", self.rollouts_per_s))];
-        if let Some(status) = self.status.filter(|status| status.realtime == 1) {
+        if let Some(status) = self.status.filter(|status| status.is_paced()) {
             notes.push((
                 "wake-up p50 / p99 / max".into(),
                 format!(

@@ -12,14 +12,24 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use rtrb::{Consumer, Producer, RingBuffer};
-use shm_types::plant::PlantState;
-use shm_types::plant::socket::{Connection, LinkError};
+use shm_types::plant::line::Line;
+use shm_types::plant::socket::LinkError;
+use shm_types::plant::{PlantCommand, PlantState};
 use thiserror::Error;
+
+/// The controller's end of a line to a plant.
+pub(crate) type ControllerLine = Line<PlantCommand, PlantState>;
 
 /// A plant that was let in, with its first sample.
 pub(crate) struct Arrival {
-    pub link: Arc<Connection>,
+    pub line: ControllerLine,
     pub state: PlantState,
+}
+
+/// A line that the loop gave up, and why. It is taken apart off the rt thread.
+pub(crate) struct Departure {
+    pub why: Ended,
+    pub line: ControllerLine,
 }
 
 /// Why the loop gave a connection up.
@@ -45,13 +55,13 @@ pub(crate) enum Ended {
 /// What the two threads hand each other.
 pub(crate) struct Ends {
     pub arrivals: Consumer<Arrival>,
-    pub departures: Producer<Ended>,
+    pub departures: Producer<Departure>,
     pub has_hung_up: Arc<AtomicBool>,
 }
 
 pub(crate) struct DoorEnds {
     pub arrivals: Producer<Arrival>,
-    pub departures: Consumer<Ended>,
+    pub departures: Consumer<Departure>,
     /// The plant in the loop has closed its end: seen while the loop does not look.
     pub has_hung_up: Arc<AtomicBool>,
 }

@@ -63,7 +63,7 @@ pub fn run_external(
     state: Option<&Path>,
     stop: &AtomicBool,
 ) -> Result<RunSummary, RunError> {
-    let start = Start::new(cell, config, pace, state)?;
+    let start = Start { is_plant_apart: true, ..Start::new(cell, config, pace, state)? };
     let (model, q0, referee) = arm;
     let mut plant = RemotePlant::open(external, &q0, start.boot_id)?;
     let controlled = Controlled { model, plant: &mut plant, q0, referee };
@@ -77,6 +77,8 @@ struct Start<'a> {
     pace: Pace,
     state: Option<&'a Path>,
     boot_id: u64,
+    /// The plant is another process.
+    is_plant_apart: bool,
 }
 
 impl<'a> Start<'a> {
@@ -88,7 +90,7 @@ impl<'a> Start<'a> {
     ) -> Result<Start<'a>, RunError> {
         config.validate()?;
         let lock = cell.lock(Role::Controller)?;
-        Ok(Start { lock, config, pace, state, boot_id: boot_id() })
+        Ok(Start { lock, config, pace, state, boot_id: boot_id(), is_plant_apart: false })
     }
 
     fn run<P: Plant>(
@@ -97,7 +99,7 @@ impl<'a> Start<'a> {
         outcome: fn(&mut P) -> Measures,
         stop: &AtomicBool,
     ) -> Result<RunSummary, RunError> {
-        let Start { ref lock, config, pace, state, boot_id } = *self;
+        let Start { ref lock, config, pace, state, boot_id, is_plant_apart } = *self;
         let Controlled { model, plant, q0, referee } = controlled;
         if pace == Pace::Realtime && plant.presence() == Presence::There {
             check_period(Controller::new(model, &q0, config, &referee), plant, config.period_us)?;
@@ -121,6 +123,7 @@ impl<'a> Start<'a> {
             period_ns: config.period_ns(),
             record_ns: config.period_ns() * config.record_stride() as u64,
             pace,
+            is_plant_apart,
             privileged: &privileged,
             latch: &latch,
             n_joints: model.n_joints(),

@@ -3,6 +3,7 @@
 mod common;
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -15,15 +16,16 @@ use physics::plant::{Measurement, Plant};
 use rand::RngExt;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use rt_controller::remote::expected::Expected;
-use rt_controller::remote::expected::External;
+use rt_controller::remote::expected::{Expected, External};
 use rt_controller::{ControllerConfig, Pace, RunSummary, run_external};
 use shm_types::cell::Cell;
-use shm_types::command::{COMMAND_REARM, COMMAND_STOP, Command, Status};
+use shm_types::command::{COMMAND_REARM, COMMAND_STOP, Command, PLANT_THERE, Status};
 use shm_types::episode::FAULT_MEASUREMENT_STALE;
+use shm_types::plant::line::Line;
+use shm_types::plant::shared::follow;
 use shm_types::plant::socket::{Buffer, Connection, Message};
 use shm_types::plant::{
-    MODE_RESET, PLANT_CAN_RESET, PLANT_SIMULATED, PlantCommand, PlantHello, PlantState,
+    MODE_RESET, PLANT_CAN_RESET, PLANT_POLLS, PLANT_SIMULATED, PlantCommand, PlantHello, PlantState,
 };
 use shm_types::ports::ToolPorts;
 
@@ -65,7 +67,7 @@ fn with_controller<T>(
     let result = std::thread::scope(|scope| {
         let controller = scope.spawn(|| {
             let expected = Expected::of(&model, config.period_ns(), pace != Pace::Plant);
-            let external = External { socket: socket.clone(), expected };
+            let external = External { socket: socket.clone(), cell: Some(cell.clone()), expected };
             let arm = (&model, WAM7_START_POSTURE, referee());
             run_external(&cell, &config, pace, arm, external, None, &stop).unwrap()
         });
@@ -81,7 +83,7 @@ fn with_controller<T>(
 
 /// The plant's end, in as many words as a driver has.
 struct Driver<'a> {
-    link: Connection,
+    line: Line<PlantState, PlantCommand>,
     buffer: Buffer,
     arm: IdealArm<'a>,
     state: PlantState,
@@ -96,15 +98,19 @@ impl<'a> Driver<'a> {
         link.send(&PlantHello { n_joints: 7, period_ns: 1_000_000, flags, q, ..PlantHello::EMPTY })
             .unwrap();
         let mut buffer = Buffer::new();
-        match link.receive(&mut buffer, SOON).unwrap() {
+        let said = match link.receive(&mut buffer, SOON).unwrap() {
             Some(Message::Welcome(welcome)) => {
-                assert_eq!(welcome.accepted, 1, "{}", shm_types::text::unpack(&welcome.reason));
+                let said = shm_types::text::unpack(&welcome.reason);
+                assert_eq!(welcome.accepted, 1, "{said}");
+                said
             }
             other => panic!("{other:?}"),
-        }
+        };
+        let shared = (flags & PLANT_POLLS != 0).then(|| follow(&said).unwrap());
+        let line = Line::new(Arc::new(link), shared);
         let arm = IdealArm::new(model, &WAM7_START_POSTURE, 1e-3, 0.01);
         let limits = model.limits().tau_max;
-        Driver { link, buffer, arm, state: PlantState::EMPTY, limits, last: None }
+        Driver { line, buffer, arm, state: PlantState::EMPTY, limits, last: None }
     }
 
     /// The state of the arm, as the next sample.
@@ -117,12 +123,19 @@ impl<'a> Driver<'a> {
     }
 
     fn send(&self, state: &PlantState) -> bool {
-        self.link.send(state).is_ok()
+        match state.seq {
+            1 => self.line.socket().send(state).is_ok(),
+            _ => self.line.send(state).is_ok(),
+        }
     }
 
     /// A command within `patience`, whose torque must be within the limits and the rate.
     fn command(&mut self, patience: Duration) -> Option<PlantCommand> {
-        let command = match self.link.receive(&mut self.buffer, patience).ok()?? {
+        let message = match self.line.is_shared() {
+            true => self.line.receive_answer(&mut self.buffer, patience),
+            false => self.line.socket().receive(&mut self.buffer, patience),
+        };
+        let command = match message.ok()?? {
             Message::Command(command) => *command,
             _ => return None,
         };
@@ -185,29 +198,40 @@ fn turn() -> std::sync::MutexGuard<'static, ()> {
     TURN.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
 }
 
-#[test]
-fn the_loop_touches_no_heap_over_a_plant_that_is_the_clock() {
-    let _turn = turn();
-    let n = 20_000;
-    let (summary, answered) = with_controller("rheap", Pace::Plant, |model, socket, tool| {
-        let mut driver = Driver::connect(model, socket, 0);
-        // The first ticks may write to the log.
+/// Heap operations of the rt thread in `n` ticks, the first ones left out: they may write to the log.
+fn heap_in(n: u64, name: &str, pace: Pace, flags: u64) -> u64 {
+    let (summary, answered) = with_controller(name, pace, |model, socket, tool| {
+        let mut driver = Driver::connect(model, socket, flags);
         assert!(driver.run(1000) > 990);
         heap::watch(thread_named("skillet-rt").unwrap());
         heap::forget_operations();
         let answered = driver.run(n);
         heap::watch_nobody();
         assert_eq!(tool.status(SOON).unwrap().latched_fault, 0);
+        assert_eq!(driver.line.is_shared(), flags & PLANT_POLLS != 0);
         answered
     });
     assert!(answered > n * 99 / 100, "{answered} of {n} answered");
     assert!(summary.ticks >= n, "{} ticks", summary.ticks);
-    assert_eq!(heap::operations(), 0, "in {n} ticks");
+    heap::operations()
+}
+
+#[test]
+fn the_loop_touches_no_heap_over_a_plant_that_is_the_clock() {
+    let _turn = turn();
+    assert_eq!(heap_in(20_000, "rheap", Pace::Plant, 0), 0);
     // The guard sees a thread that allocates.
     heap::watch(heap::this_thread());
     drop(std::hint::black_box(Box::new(1)));
     heap::watch_nobody();
     assert!(heap::operations() >= 2);
+}
+
+#[test]
+fn nor_in_lockstep_through_shared_memory() {
+    let _turn = turn();
+    let flags = PLANT_SIMULATED | PLANT_CAN_RESET | PLANT_POLLS;
+    assert_eq!(heap_in(4000, "rshared", Pace::Realtime, flags), 0);
 }
 
 /// Samples are lost, come twice, late and out of order: every torque stays within its bounds (the driver
@@ -295,12 +319,12 @@ fn a_plant_that_lies_latches_and_the_next_one_needs_a_rearm() {
             let mut state = driver.next();
             lie(&mut state);
             if words == "another message" {
-                driver.link.send(&PlantCommand::HOLD).unwrap();
+                driver.line.socket().send(&PlantCommand::HOLD).unwrap();
             } else {
                 driver.send(&state);
             }
             let said = loop {
-                match driver.link.receive(&mut driver.buffer, SOON).unwrap() {
+                match driver.line.socket().receive(&mut driver.buffer, SOON).unwrap() {
                     Some(Message::Welcome(welcome)) => {
                         break shm_types::text::unpack(&welcome.reason);
                     }
@@ -364,17 +388,16 @@ fn the_next_plant_is_let_in_however_fast_it_comes() {
         [("rnext", Pace::Plant, 0), ("rnextmax", Pace::Max, PLANT_SIMULATED | PLANT_CAN_RESET)]
     {
         with_controller(name, pace, |model, socket, tool| {
-            for _ in 0..20 {
+            for round in 0..20 {
                 // Panics when it is refused. Once it has been in the loop, it dies.
                 let mut driver = Driver::connect(model, socket, flags);
                 let state = driver.next();
                 assert!(driver.send(&state));
-                until(tool, "the plant in the loop", |status| status.plant_absent == 0);
+                until(tool, "the plant in the loop", |status| status.plant == PLANT_THERE);
+                if round > 0 {
+                    until(tool, "a latch, though the next plant is there", stale);
+                }
             }
-            let mut driver = Driver::connect(model, socket, flags);
-            let state = driver.next();
-            assert!(driver.send(&state));
-            until(tool, "a latch", stale);
         });
     }
 }

@@ -52,9 +52,18 @@ message! {
     }
 }
 
+/// What paces the loop: the simulation, the wall clock, the samples of a plant in another process.
+pub const PACE_MAX: u64 = 0;
+pub const PACE_REALTIME: u64 = 1;
+pub const PACE_PLANT: u64 = 2;
+
+pub const PLANT_BUILT_IN: u64 = 0;
+pub const PLANT_THERE: u64 = 1;
+pub const PLANT_ABSENT: u64 = 2;
+
 message! {
     /// State of the controller when it answered. Times in ns; percentiles since its start.
-    pub struct Status as "skillet/Status/4" {
+    pub struct Status as "skillet/Status/5" {
         pub boot_id: u64,
         pub tick: u64,
         pub phase: u64,
@@ -64,13 +73,13 @@ message! {
         pub latched_fault: u64,
         pub latched_ns: u64,
         pub latched_present: u64,
-        /// 1: the plant is another process, and none has come yet.
-        pub plant_absent: u64,
+        /// `PLANT_BUILT_IN`, or whether the one in another process has come.
+        pub plant: u64,
         /// Flight records in the state folder.
         pub fault_records: u64,
         pub period_ns: u64,
-        /// 1: paced by the wall clock; 0: as fast as the simulation allows.
-        pub realtime: u64,
+        /// `PACE_*`.
+        pub pace: u64,
         /// 1: the loop has real-time priority.
         pub privileged: u64,
         /// Policy in the loop, or the last one that was, and since when it was applied.
@@ -216,10 +225,10 @@ impl Status {
         latched_fault: 0,
         latched_ns: 0,
         latched_present: 0,
-        plant_absent: 0,
+        plant: PLANT_BUILT_IN,
         fault_records: 0,
         period_ns: 0,
-        realtime: 0,
+        pace: PACE_MAX,
         privileged: 0,
         in_loop: PolicyName::NONE,
         applied_tick: 0,
@@ -255,6 +264,11 @@ impl Status {
         tick_p99_ns: 0,
         tick_max_ns: 0,
     };
+
+    /// By a clock, whose deadlines can be missed.
+    pub fn is_paced(&self) -> bool {
+        self.pace != PACE_MAX
+    }
 }
 
 #[cfg(test)]

@@ -9,6 +9,8 @@ use crate::MAX_JOINTS;
 use crate::measures::{MAX_MEASURES, Measures, NAME_LEN, UNIT_LEN};
 use crate::text::{self, REASON_LEN};
 
+pub mod line;
+pub mod shared;
 pub mod socket;
 
 /// Of the messages below and of their rules.
@@ -19,11 +21,15 @@ pub const PLANT_SIMULATED: u64 = 1;
 pub const PLANT_CAN_RESET: u64 = 2;
 pub const PLANT_HAS_OBJECT: u64 = 4;
 pub const PLANT_DETERMINISTIC: u64 = 8;
+/// It polls shared memory for its answers.
+pub const PLANT_POLLS: u64 = 16;
 
 /// Flags of a [`PlantState`].
 pub const STATE_IN_CONTACT: u64 = 1;
 pub const STATE_OBJECT_SEEN: u64 = 2;
 pub const STATE_FAULT: u64 = 4;
+/// An Outcome was sent before it.
+pub const STATE_TOLD: u64 = 8;
 
 /// Modes of a [`PlantCommand`]: no torque in it; apply it; begin another episode; the controller ends.
 pub const MODE_HOLD: u64 = 0;
@@ -72,6 +78,7 @@ message! {
         pub accepted: u64,
         pub boot_id: u64,
         pub period_ns: u64,
+        /// Why it is refused; of one that polls, where it finds its shared memory.
         pub reason: [u8; REASON_LEN],
     }
 }
@@ -158,6 +165,11 @@ impl PlantHello {
 impl PlantWelcome {
     pub fn accepted(boot_id: u64, period_ns: u64) -> PlantWelcome {
         PlantWelcome { accepted: 1, boot_id, period_ns, ..PlantWelcome::refused("") }
+    }
+
+    /// To shared memory, see [`shared::Host::invite`].
+    pub fn inviting(self, invitation: &str) -> PlantWelcome {
+        PlantWelcome { reason: text::pack(invitation), ..self }
     }
 
     pub fn refused(why: &str) -> PlantWelcome {

@@ -50,6 +50,9 @@ pub struct ServeArgs {
     /// Configuration file (TOML): its task's world, its arm
     #[arg(long)]
     pub config: Option<PathBuf>,
+    /// Poll shared memory for answers; for a machine with a core to spare
+    #[arg(long)]
+    pub poll: bool,
 }
 
 #[derive(Args)]

@@ -36,6 +36,7 @@ fn serve(args: &ServeArgs) -> Result<Verdict> {
         n_joints: model.n_joints(),
         has_object: expected.needs_object,
         is_deterministic: true,
+        polls: args.poll,
         joint_names: &names,
         torque_limits: &expected.tau_max,
         urdf_sha256: Some(expected.urdf_sha256),

@@ -9,7 +9,7 @@ use rt_controller::fault::Fault;
 use serde_json::json;
 use shm_types::cell::Cell;
 use shm_types::channel::ChannelError;
-use shm_types::command::Status;
+use shm_types::command::{PACE_MAX, PACE_PLANT, PLANT_ABSENT, PLANT_BUILT_IN, Status};
 use shm_types::ports::ToolPorts;
 
 use crate::cell::NamedCell;
@@ -89,14 +89,18 @@ fn as_json(cell: &Cell, status: &Status) -> serde_json::Value {
         "findings": findings,
         "notes": health::notes(status, cell.name()),
         "boot_id": status.boot_id,
-        "pace": if status.realtime == 1 { "realtime" } else { "max" },
+        "pace": match status.pace {
+            PACE_MAX => "max",
+            PACE_PLANT => "plant",
+            _ => "realtime",
+        },
         "phase": phase(status),
         "tick": status.tick,
         "fault": Fault::describe(status.fault as u32),
         "latched_fault": latched(status),
         "latched_s": latched(status).map(|_| status.latched_ns as f64 * 1e-9),
         "latched_cause_present": status.latched_present == 1,
-        "plant": if status.plant_absent == 1 { "absent" } else { "there" },
+        "plant": plant(status),
         "fault_records": status.fault_records,
         "period_us": status.period_ns / 1000,
         "realtime_priority": status.privileged == 1,
@@ -152,21 +156,32 @@ fn held(cell: &Cell, status: &Status) -> String {
     format!("held        for {age_s:.0} s, machine fault: {fault}; {next}\n")
 }
 
+fn plant(status: &Status) -> &'static str {
+    match status.plant {
+        PLANT_BUILT_IN => "built-in",
+        PLANT_ABSENT => "absent",
+        _ => "there",
+    }
+}
+
 fn as_text(cell: &Cell, status: &Status, faults_dir: &Path) -> String {
     let us = |ns: u64| ns as f64 * 1e-3;
-    let pace = match (status.realtime, status.privileged) {
-        (1, 1) => "real time, SCHED_FIFO",
-        (1, _) => "real time, without real-time priority",
-        _ => "as fast as the simulation allows",
+    let pace = match (status.pace, status.privileged) {
+        (PACE_MAX, _) => "as fast as the simulation allows",
+        (PACE_PLANT, 1) => "that of the plant, SCHED_FIFO",
+        (PACE_PLANT, _) => "that of the plant, without real-time priority",
+        (_, 1) => "real time, SCHED_FIFO",
+        (_, _) => "real time, without real-time priority",
     };
     let learner = match learner_age_s(status) {
         Some(age) => format!("last heartbeat {age:.1} s ago"),
         None => "none".into(),
     };
     let mut text = format!(
-        "cell        {}\npace        {pace}, period {} µs\nphase       {}, tick {}, fault: {}\n\
+        "cell        {}\nplant       {}\npace        {pace}, period {} µs\nphase       {}, tick {}, fault: {}\n\
          in the loop policy {}, applied at tick {}\n",
         cell.name(),
+        plant(status),
         status.period_ns / 1000,
         phase(status),
         status.tick,
@@ -209,7 +224,7 @@ fn as_text(cell: &Cell, status: &Status, faults_dir: &Path) -> String {
         us(status.tick_p99_ns),
         us(status.tick_max_ns)
     );
-    if status.realtime == 1 {
+    if status.is_paced() {
         text += &format!(
             "wake-up     p50 {:.1}  p99 {:.1}  max {:.1} µs, {} deadlines missed\n",
             us(status.wakeup_p50_ns),

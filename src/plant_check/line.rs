@@ -4,14 +4,15 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 use physics::arm::JointVector;
-use shm_types::plant::socket::{Buffer, Connection, Message};
+use shm_types::plant::line::Line as PlantLine;
+use shm_types::plant::socket::{Buffer, Message};
 use shm_types::plant::{MODE_HOLD, MODE_RESET, MODE_TRACK, PlantCommand, PlantOutcome, PlantState};
 
 /// What a plant may take for a sample, or to make another world.
 const PATIENCE: Duration = Duration::from_secs(5);
 
 pub struct Line {
-    link: Connection,
+    line: PlantLine<PlantCommand, PlantState>,
     buffer: Buffer,
     pub state: PlantState,
     episode: u64,
@@ -21,12 +22,21 @@ pub struct Line {
 
 impl Line {
     /// With the first sample.
-    pub fn begin(link: Connection) -> Result<Line> {
+    pub fn begin(line: PlantLine<PlantCommand, PlantState>) -> Result<Line> {
         let (buffer, state) = (Buffer::new(), PlantState::EMPTY);
-        let mut line = Line { link, buffer, state, episode: 0, round_trips: Vec::new() };
-        line.state = line.sample()?;
+        let mut line = Line { line, buffer, state, episode: 0, round_trips: Vec::new() };
+        line.state = line.first()?;
         line.episode = line.state.episode;
         Ok(line)
+    }
+
+    /// The one that ends the introduction comes over the socket.
+    fn first(&mut self) -> Result<PlantState> {
+        match self.line.socket().receive(&mut self.buffer, PATIENCE)? {
+            Some(Message::State(state)) => Ok(*state),
+            Some(other) => bail!("it sent another message than its first sample: {other:?}"),
+            None => bail!("no sample within {} s", PATIENCE.as_secs()),
+        }
     }
 
     /// The next sample, whatever its number.
@@ -42,7 +52,7 @@ impl Line {
         let start = Instant::now();
         loop {
             let left = patience.saturating_sub(start.elapsed());
-            let message = self.link.receive_answer(&mut self.buffer, left);
+            let message = self.line.receive_answer(&mut self.buffer, left);
             match message.context("receiving a sample")? {
                 Some(Message::State(state)) => return Ok(Some(*state)),
                 Some(Message::Outcome(PlantOutcome { .. })) => {}
@@ -73,7 +83,7 @@ impl Line {
         let tau: [f64; 7] = (*tau).into();
         let command =
             PlantCommand { answers_seq, episode, mode, expires_ns, tau, ..PlantCommand::HOLD };
-        self.link.send(&command).context("sending a command")?;
+        self.line.send(&command).context("sending a command")?;
         Ok(())
     }
 

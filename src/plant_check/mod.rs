@@ -8,6 +8,7 @@ mod real;
 mod simulated;
 
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -16,8 +17,10 @@ use physics::arm::{ArmModel, JointVector, dynamics};
 use rt_controller::remote::expected::Expected;
 use serde::Serialize;
 use shm_types::cell::{Cell, Role};
+use shm_types::plant::line::Line as PlantLine;
+use shm_types::plant::shared::Host;
 use shm_types::plant::socket::{Buffer, Connection, Listener, Message};
-use shm_types::plant::{PlantHello, PlantState, PlantWelcome};
+use shm_types::plant::{PLANT_POLLS, PlantHello, PlantState, PlantWelcome};
 
 use crate::Verdict;
 use crate::children::Service;
@@ -108,7 +111,8 @@ pub fn run(args: &CheckArgs) -> Result<Verdict> {
     let mut bench =
         Bench { model: &model, q0, period_ns, samples: args.samples, findings: Vec::new() };
     let link = meet(&listener, &stop, program.as_mut())?;
-    if let Some((line, hello)) = introduce(&mut bench, &expected, link)? {
+    let mut host = Host::alone(&cell)?;
+    if let Some((line, hello)) = introduce(&mut bench, &expected, &mut host, link)? {
         match args.real {
             true => real::check(&mut bench, line)?,
             false => simulated::check(&mut bench, line, &hello)?,
@@ -150,6 +154,7 @@ fn meet(
 fn introduce(
     bench: &mut Bench,
     expected: &Expected,
+    host: &mut Host,
     link: Connection,
 ) -> Result<Option<(Line, PlantHello)>> {
     let mut buffer = Buffer::new();
@@ -167,8 +172,14 @@ fn introduce(
     }
     let name = hello.name();
     bench.note("hello", true, format!("'{name}', {} joints, as the controller's", hello.n_joints));
-    link.send(&PlantWelcome::accepted(1, expected.period_ns)).context("welcoming the plant")?;
-    match Line::begin(link) {
+    let mut welcome = PlantWelcome::accepted(1, expected.period_ns);
+    let mut shared = None;
+    if expected.is_simulated && hello.flags & PLANT_POLLS != 0 {
+        let (end, invitation) = host.invite()?;
+        (welcome, shared) = (welcome.inviting(&invitation), Some(end));
+    }
+    link.send(&welcome).context("welcoming the plant")?;
+    match Line::begin(PlantLine::new(Arc::new(link), shared)) {
         Ok(line) => {
             bench.note("first sample", true, "within 5 s");
             Ok(Some((line, hello)))

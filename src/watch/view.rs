@@ -9,7 +9,7 @@ use ratatui::symbols::Marker;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Axis, Block, Chart, Dataset, GraphType, Paragraph, Row, Table, Wrap};
 use rt_controller::fault::Fault;
-use shm_types::command::Status;
+use shm_types::command::{PACE_MAX, PACE_PLANT, PLANT_ABSENT, Status};
 
 use super::keys::Prompt;
 use super::session::Trial;
@@ -114,10 +114,16 @@ fn known(model: &Model, lost: u64, status: &Status) -> Vec<Line<'static>> {
         Health::Bad => Color::Red,
     };
     let phase = PHASES.get(model.last.record.phase as usize).copied().unwrap_or("unknown");
-    let pace = match (status.realtime, status.privileged) {
-        (1, 1) => "real time, SCHED_FIFO",
-        (1, _) => "real time, no priority",
-        _ => "full speed",
+    let pace = match (status.pace, status.privileged) {
+        (PACE_MAX, _) => "full speed",
+        (PACE_PLANT, 1) => "the plant's pace, SCHED_FIFO",
+        (PACE_PLANT, _) => "the plant's pace, no priority",
+        (_, 1) => "real time, SCHED_FIFO",
+        (_, _) => "real time, no priority",
+    };
+    let plant = match status.plant {
+        PLANT_ABSENT => "  no plant",
+        _ => "",
     };
     let (wakeup, tick) = model.times();
     let pinned = if status.pinned == 1 { " pinned" } else { "" };
@@ -139,12 +145,12 @@ fn known(model: &Model, lost: u64, status: &Status) -> Vec<Line<'static>> {
     let mut lines = vec![
         Line::from(vec![
             health.name().fg(color).bold(),
-            format!("  {pace}  {ticked}  {phase}").into(),
+            format!("  {pace}{plant}  {ticked}  {phase}").into(),
         ]),
         times_line(
             "wake-up",
             &wakeup,
-            status.realtime == 1,
+            status.is_paced(),
             &format!("  {} deadlines missed", model.last.missed),
         ),
         times_line("tick   ", &tick, true, &format!("  {lost} ticks not seen")),

@@ -29,6 +29,7 @@ typedef struct {
   int simulated;       /* 1: in lockstep, skillet_plant_exchange(); 0: send and answer, by your own clock */
   int has_object;      /* samples say where the tracked object is */
   int deterministic;
+  int polls;           /* 1: a simulator with a core of its own polls shared memory for its answers */
   double period_s;
   const char *joint_names[SKILLET_JOINTS]; /* NULL: not compared with the controller's */
   double torque_limits[SKILLET_JOINTS];    /* N m; 0: not compared */

@@ -33,15 +33,19 @@
 mod c;
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use shm_types::cell::{Cell, CellError};
+use shm_types::channel::ChannelError;
 use shm_types::measures::Measures;
+use shm_types::plant::line::Line;
+use shm_types::plant::shared::follow;
 use shm_types::plant::socket::{self, Buffer, Connection, LinkError, Message, SocketError};
 use shm_types::plant::{
     MODE_HOLD, MODE_RESET, MODE_STOP, MODE_TRACK, PLANT_CAN_RESET, PLANT_DETERMINISTIC,
-    PLANT_HAS_OBJECT, PLANT_SIMULATED, PlantCommand, PlantHello, PlantOutcome, PlantState,
-    STATE_IN_CONTACT, STATE_OBJECT_SEEN,
+    PLANT_HAS_OBJECT, PLANT_POLLS, PLANT_SIMULATED, PlantCommand, PlantHello, PlantOutcome,
+    PlantState, STATE_IN_CONTACT, STATE_OBJECT_SEEN, STATE_TOLD,
 };
 use shm_types::text;
 use thiserror::Error;
@@ -72,6 +76,8 @@ pub enum PlantError {
         "the controller said nothing for {0:.0} s: it is stopped or stuck; continue or restart it"
     )]
     Silent(f64),
+    #[error("the controller's shared memory cannot be used: {0}; without `polls` the socket does")]
+    Shared(#[from] ChannelError),
     #[error("the connection to the controller failed ({0}): start this plant again")]
     Link(LinkError),
 }
@@ -104,6 +110,8 @@ pub struct Description<'a> {
     pub has_object: bool,
     /// Equal torques lead to equal samples, bit for bit.
     pub is_deterministic: bool,
+    /// Of a simulator with a core of its own: it polls shared memory for its answers instead of sleeping.
+    pub polls: bool,
     pub joint_names: &'a [&'a str],
     /// N·m.
     pub torque_limits: &'a [f64],
@@ -127,6 +135,7 @@ impl Description<'static> {
             can_reset: false,
             has_object: false,
             is_deterministic: false,
+            polls: false,
             joint_names: &[],
             torque_limits: &[],
             urdf_sha256: None,
@@ -142,6 +151,7 @@ impl Description<'_> {
             (self.can_reset, PLANT_CAN_RESET),
             (self.has_object, PLANT_HAS_OBJECT),
             (self.is_deterministic, PLANT_DETERMINISTIC),
+            (self.polls, PLANT_POLLS),
         ];
         let mut hello = PlantHello {
             name: text::pack(self.name),
@@ -208,7 +218,7 @@ pub enum Answer {
 
 /// A plant that its controller has let in.
 pub struct Plant {
-    link: Connection,
+    line: Line<PlantState, PlantCommand>,
     buffer: Buffer,
     period_ns: u64,
     state: PlantState,
@@ -217,6 +227,8 @@ pub struct Plant {
     /// The newest answer, and how many samples it has served.
     command: Option<PlantCommand>,
     n_repeats: u32,
+    /// Flags of the next sample by what was told before it.
+    told: u64,
 }
 
 impl Plant {
@@ -227,18 +239,33 @@ impl Plant {
         // A controller that hangs up at once has said why.
         let sent = link.send(&hello);
         let mut buffer = Buffer::new();
-        match link.receive(&mut buffer, SILENCE)? {
-            Some(Message::Welcome(welcome)) if welcome.accepted == 1 => {}
+        let invitation = match link.receive(&mut buffer, SILENCE)? {
+            Some(Message::Welcome(welcome)) if welcome.accepted == 1 => {
+                text::unpack(&welcome.reason)
+            }
             Some(Message::Welcome(welcome)) => {
                 return Err(PlantError::Refused(text::unpack(&welcome.reason)));
             }
             Some(_) => return Err(PlantError::Refused("it answered with no Welcome".into())),
             None => return Err(PlantError::Silent(SILENCE.as_secs_f64())),
-        }
+        };
         sent?;
+        // A controller may know nothing of shared memory, or have none.
+        let is_invited = description.polls && !invitation.is_empty();
+        let shared = is_invited.then(|| follow(&invitation)).transpose()?;
+        let line = Line::new(Arc::new(link), shared);
         let state = PlantState { q: hello.q, ..PlantState::EMPTY };
         let period_ns = hello.period_ns;
-        Ok(Plant { link, buffer, period_ns, state, wanted: 0, command: None, n_repeats: 0 })
+        Ok(Plant {
+            line,
+            buffer,
+            period_ns,
+            state,
+            wanted: 0,
+            command: None,
+            n_repeats: 0,
+            told: 0,
+        })
     }
 
     /// Of a simulator: sends a sample and waits for what it is answered with. Time stands still meanwhile.
@@ -246,7 +273,7 @@ impl Plant {
         self.send(sample)?;
         let mut heard = Instant::now();
         while heard.elapsed() < SILENCE {
-            let received = self.link.receive_answer(&mut self.buffer, SILENCE - heard.elapsed())?;
+            let received = self.line.receive_answer(&mut self.buffer, SILENCE - heard.elapsed())?;
             let Some(command) = command_of(received)? else { continue };
             heard = Instant::now();
             // A sign of life in between answers nothing.
@@ -264,13 +291,17 @@ impl Plant {
         state.seq += 1;
         state.t_ns = sample.t_ns.unwrap_or(state.t_ns + self.period_ns);
         (state.q, state.qd, state.tau) = (sample.q, sample.qd, sample.tau);
-        state.flags = 0;
+        state.flags = std::mem::take(&mut self.told);
         if let Some(object) = &sample.object {
-            state.flags = STATE_OBJECT_SEEN;
+            state.flags |= STATE_OBJECT_SEEN;
             state.flags |= if object.in_contact { STATE_IN_CONTACT } else { 0 };
             (state.object_position, state.object_quaternion) = (object.position, object.quaternion);
         }
-        self.link.send(&self.state)?;
+        // The first one ends the introduction.
+        match self.state.seq {
+            1 => self.line.socket().send(&self.state)?,
+            _ => self.line.send(&self.state)?,
+        };
         Ok(())
     }
 
@@ -315,12 +346,13 @@ impl Plant {
 
     /// What only the plant can measure of the episode in progress; before its last sample.
     pub fn tell(&mut self, measures: &Measures) -> Result<(), PlantError> {
-        self.link.send(&PlantOutcome::new(self.state.episode, measures))?;
+        self.line.socket().send(&PlantOutcome::new(self.state.episode, measures))?;
+        self.told = STATE_TOLD;
         Ok(())
     }
 
     fn receive(&mut self, patience: Duration) -> Result<Option<PlantCommand>, PlantError> {
-        command_of(self.link.receive(&mut self.buffer, patience)?)
+        command_of(self.line.socket().receive(&mut self.buffer, patience)?)
     }
 
     fn answer_of(&mut self, command: &PlantCommand) -> Answer {

@@ -24,6 +24,8 @@ pub(crate) struct Setup<'a, P> {
     /// Time between two records.
     pub record_ns: u64,
     pub pace: Pace,
+    /// The plant is another process.
+    pub is_plant_apart: bool,
     pub privileged: &'a AtomicBool,
     pub latch: &'a Latch,
     pub n_joints: usize,

@@ -3,9 +3,12 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use shm_types::command::Status;
+use shm_types::command::{
+    PACE_MAX, PACE_PLANT, PACE_REALTIME, PLANT_ABSENT, PLANT_BUILT_IN, PLANT_THERE, Status,
+};
 use shm_types::policy::PolicyName;
 
+use crate::config::Pace;
 use crate::exchange::Exchange;
 use crate::exchange::swap::Served;
 use crate::executor::latch::Latched;
@@ -32,10 +35,18 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
             latched_fault: latched(&|latched| latched.fault as u64),
             latched_ns: latched(&Latched::age_ns),
             latched_present: latched(&|_| u64::from(self.setup.latch.is_present())),
-            plant_absent: u64::from(self.setup.latch.is_absent()),
+            plant: match self.setup.latch.is_absent() {
+                true => PLANT_ABSENT,
+                false if self.setup.is_plant_apart => PLANT_THERE,
+                false => PLANT_BUILT_IN,
+            },
             fault_records: self.flights.as_ref().map_or(0, |files| files.len() as u64),
             period_ns: self.setup.period_ns,
-            realtime: u64::from(self.setup.is_realtime()),
+            pace: match self.setup.pace {
+                Pace::Max => PACE_MAX,
+                Pace::Realtime => PACE_REALTIME,
+                Pace::Plant => PACE_PLANT,
+            },
             privileged: u64::from(self.setup.is_privileged()),
             in_loop: self.in_loop,
             applied_tick: self.applied_tick,

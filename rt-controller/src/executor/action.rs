@@ -53,6 +53,7 @@ pub fn run_action<W: ActionWorld + ?Sized>(
         period_ns: PERIOD_NS,
         record_ns: PERIOD_NS,
         pace: Pace::Max,
+        is_plant_apart: false,
         privileged: &never,
         latch: &no_machine,
         n_joints: 0,

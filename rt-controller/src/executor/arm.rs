@@ -139,6 +139,9 @@ impl<'a, P: Plant> RtLoop<'a, P> {
     fn look(&mut self) -> Presence {
         let presence = self.plant.presence();
         self.latch.set_absent(presence == Presence::Absent);
+        if presence == Presence::Lost {
+            self.controller.lose_plant();
+        }
         if matches!(presence, Presence::Busy | Presence::Absent) {
             // Nothing ticks; a hold or a re-arm that is asked for is answered all the same.
             self.latch.follow(&mut self.controller);

@@ -132,6 +132,12 @@ impl<'a> Controller<'a> {
         }
     }
 
+    /// The plant is gone: the arm is held until its next one has been watched for a while.
+    pub fn lose_plant(&mut self) {
+        self.trip(Fault::MeasurementStale);
+        self.monitor.blind();
+    }
+
     /// The fault that holds the arm until [`Controller::rearm`].
     pub fn latched(&self) -> Option<Fault> {
         Some(self.fault).filter(|fault| fault.latches())

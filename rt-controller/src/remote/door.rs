@@ -7,11 +7,17 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use shm_types::cell::Cell;
+use shm_types::channel::ChannelError;
+use shm_types::plant::line::Line;
+use shm_types::plant::shared::{Host, Shared};
 use shm_types::plant::socket::{Buffer, Connection, LinkError, Listener, Message, SocketError};
-use shm_types::plant::{MODE_STOP, PlantCommand, PlantHello, PlantState, PlantWelcome};
+use shm_types::plant::{
+    MODE_STOP, PLANT_POLLS, PlantCommand, PlantHello, PlantState, PlantWelcome,
+};
 
 use crate::remote::expected::{Expected, External};
-use crate::remote::{Arrival, DoorEnds, Ended};
+use crate::remote::{Arrival, Departure, DoorEnds, Ended};
 
 /// How long a plant may take to say who it is, and then for its first sample.
 const PATIENCE: Duration = Duration::from_secs(5);
@@ -24,6 +30,9 @@ const SIGN_OF_LIFE: Duration = Duration::from_millis(500);
 
 pub(crate) struct Door {
     listener: Listener,
+    cell: Option<Cell>,
+    /// From the first plant on that polls.
+    host: Option<Host>,
     expected: Expected,
     boot_id: u64,
     ends: DoorEnds,
@@ -61,11 +70,12 @@ impl Door {
         boot_id: u64,
         ends: DoorEnds,
     ) -> Result<DoorThread, SocketError> {
-        let External { socket, expected } = external;
+        let External { socket, cell, expected } = external;
         let listener = Listener::bind(&socket)?;
         tracing::info!(socket = %socket.display(), "waiting for a plant");
         let (uid, told) = (rustix::process::getuid().as_raw(), Instant::now());
-        let door = Door { listener, expected, boot_id, ends, uid, inside: None, told };
+        let (host, inside) = (None, None);
+        let door = Door { listener, cell, host, expected, boot_id, ends, uid, inside, told };
         let is_over = Arc::new(AtomicBool::new(false));
         let stop = is_over.clone();
         let thread = Some(std::thread::spawn(move || door.run(&stop)));
@@ -94,14 +104,14 @@ impl Door {
     /// The plant in the loop: is it there, does it know that we are?
     fn look_after(&mut self) {
         let Some(inside) = &self.inside else { return };
-        if let Ok(ended) = self.ends.departures.pop() {
-            if !matches!(ended, Ended::Link(LinkError::Gone)) {
+        if let Ok(Departure { why, .. }) = self.ends.departures.pop() {
+            if !matches!(why, Ended::Link(LinkError::Gone)) {
                 // It may have gone meanwhile.
-                let _ = inside.link.send(&PlantWelcome::refused(&ended.to_string()));
+                let _ = inside.link.send(&PlantWelcome::refused(&why.to_string()));
             }
             tracing::error!(
                 plant = inside.name,
-                "the plant is lost: {ended}; the arm is held. Start it again, then `skillet rearm`"
+                "the plant is lost: {why}; the arm is held. Start it again, then `skillet rearm`"
             );
             self.inside = None;
             self.ends.has_hung_up.store(false, Ordering::Release);
@@ -142,9 +152,9 @@ impl Door {
             None => self.introduce(&link, stop),
         };
         match said {
-            Ok((hello, state)) => {
+            Ok(Introduced { hello, state, shared }) => {
                 let link = Arc::new(link);
-                let arrival = Arrival { link: link.clone(), state };
+                let arrival = Arrival { line: Line::new(link.clone(), shared), state };
                 if self.ends.arrivals.push(arrival).is_ok() {
                     tracing::info!(plant = hello.name(), "the plant is there");
                     self.inside = Some(Inside { link, name: hello.name() });
@@ -158,25 +168,54 @@ impl Door {
     }
 
     /// Who is it, does it fit, where is the arm?
-    fn introduce(
-        &self,
-        link: &Connection,
-        stop: &AtomicBool,
-    ) -> Result<(PlantHello, PlantState), String> {
+    fn introduce(&mut self, link: &Connection, stop: &AtomicBool) -> Result<Introduced, String> {
         let mut buffer = Buffer::new();
         let hello = match within_patience(link, &mut buffer, stop) {
             Ok(Some(Message::Hello(hello))) => *hello,
             other => return Err(said_instead("Hello", &other)),
         };
         self.expected.check(&hello).map_err(|refused| format!("'{}': {refused}", hello.name()))?;
-        let welcome = PlantWelcome::accepted(self.boot_id, self.expected.period_ns);
+        let mut welcome = PlantWelcome::accepted(self.boot_id, self.expected.period_ns);
+        let mut shared = None;
+        if self.expected.is_simulated && hello.flags & PLANT_POLLS != 0 {
+            match self.invite(stop) {
+                Ok(None) => {}
+                Ok(Some((end, invitation))) => {
+                    (welcome, shared) = (welcome.inviting(&invitation), Some(end));
+                }
+                Err(error) => tracing::warn!("no shared memory for the plant: {error}"),
+            }
+        }
         link.send(&welcome).map_err(|error| error.to_string())?;
         match within_patience(link, &mut buffer, stop) {
-            Ok(Some(Message::State(state))) => Ok((hello, *state)),
+            Ok(Some(Message::State(state))) => Ok(Introduced { hello, state: *state, shared }),
             other => Err(said_instead("first State", &other)),
         }
     }
+
+    /// Shared memory for a visit, once the cell's services are there.
+    fn invite(&mut self, stop: &AtomicBool) -> Result<Option<(Seat, String)>, ChannelError> {
+        let start = Instant::now();
+        while self.host.is_none()
+            && let Some(cell) = &self.cell
+            && start.elapsed() < PATIENCE
+            && !stop.load(Ordering::Relaxed)
+        {
+            self.host = Host::join(cell)?;
+            std::thread::sleep(MOMENT);
+        }
+        self.host.as_mut().map(Host::invite).transpose()
+    }
 }
+
+/// A plant that fits.
+struct Introduced {
+    hello: PlantHello,
+    state: PlantState,
+    shared: Option<Seat>,
+}
+
+type Seat = Shared<PlantCommand, PlantState>;
 
 /// A message, unless the controller is to end meanwhile.
 fn within_patience<'a>(

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use physics::arm::ArmModel;
+use shm_types::cell::Cell;
 use shm_types::plant::{PLANT_CAN_RESET, PLANT_HAS_OBJECT, PLANT_VERSION, PlantHello};
 use shm_types::text;
 use thiserror::Error;
@@ -15,6 +16,8 @@ const POSITION_TOLERANCE: f64 = 0.2;
 /// A plant in another process: where it comes to, and what it must be.
 pub struct External {
     pub socket: PathBuf,
+    /// Where a plant that polls gets shared memory; without one it stays at the socket.
+    pub cell: Option<Cell>,
     pub expected: Expected,
 }
 

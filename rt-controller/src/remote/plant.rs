@@ -1,6 +1,5 @@
 //! The rt thread's end: a plant that is stepped, or listened to, through a connection.
 
-use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
@@ -9,14 +8,15 @@ use physics::arm::JointVector;
 use physics::plant::{Measurement, ObjectState, Plant, Presence};
 use shm_types::MAX_JOINTS;
 use shm_types::measures::Measures;
-use shm_types::plant::socket::{Buffer, Connection, LinkError, Message, SocketError};
+use shm_types::plant::socket::{Buffer, LinkError, Message, SocketError};
 use shm_types::plant::{
-    KIND_COMMAND, MODE_RESET, MODE_TRACK, PlantCommand, PlantState, STATE_IN_CONTACT,
+    KIND_COMMAND, MODE_RESET, MODE_TRACK, PlantCommand, PlantOutcome, PlantState, STATE_IN_CONTACT,
+    STATE_TOLD,
 };
 
 use crate::remote::door::{Door, DoorThread};
 use crate::remote::expected::{Expected, External};
-use crate::remote::{Arrival, Ended, Ends, rings};
+use crate::remote::{Arrival, ControllerLine, Departure, Ended, Ends, rings};
 
 /// How long the loop waits for a simulator before it looks at everything else.
 const SLICE: Duration = Duration::from_millis(50);
@@ -44,7 +44,7 @@ pub struct RemotePlant {
     /// Where a simulator's episodes begin, rad.
     q0: JointVector,
     n_joints: usize,
-    link: Option<Arc<Connection>>,
+    line: Option<ControllerLine>,
     buffer: Buffer,
     /// The newest sample; none before the first plant has come.
     state: Option<PlantState>,
@@ -52,6 +52,8 @@ pub struct RemotePlant {
     is_new: bool,
     /// A command was sent whose sample is to come.
     is_stepping: bool,
+    /// The loop knows that the last plant is gone; before that it gets no other.
+    is_loss_known: bool,
     /// Episode that is to be, or is, in progress.
     wanted: u64,
     /// From the plant's clock to ours: plants may follow each other, time goes on.
@@ -80,11 +82,12 @@ impl RemotePlant {
             period_ns,
             q0: *q0,
             n_joints,
-            link: None,
+            line: None,
             buffer: Buffer::new(),
             state: None,
             is_new: false,
             is_stepping: false,
+            is_loss_known: true,
             wanted: 0,
             offset_ns: 0,
             n_samples: 0,
@@ -110,7 +113,7 @@ impl RemotePlant {
         let last_ns = self.state.map(|state| state.t_ns.wrapping_add(self.offset_ns));
         self.offset_ns =
             last_ns.map_or(0, |last| (last + CHANGE_NS).wrapping_sub(arrival.state.t_ns));
-        self.link = Some(arrival.link);
+        self.line = Some(arrival.line);
         self.accept(arrival.state);
         self.wanted = arrival.state.episode;
     }
@@ -123,15 +126,16 @@ impl RemotePlant {
 
     /// The connection is over, and the door told why.
     fn end(&mut self, why: Ended) {
-        if self.link.take().is_some() {
+        if let Some(line) = self.line.take() {
             // Never full: the next plant is let in once this one was seen off.
-            let _ = self.ends.departures.push(why);
+            let _ = self.ends.departures.push(Departure { why, line });
+            self.is_loss_known = false;
         }
         self.is_stepping = false;
     }
 
     fn send(&mut self, mode: u64) {
-        let (Some(link), Some(state)) = (&self.link, &self.state) else { return };
+        let (Some(line), Some(state)) = (&self.line, &self.state) else { return };
         let command = PlantCommand {
             kind: KIND_COMMAND,
             answers_seq: state.seq,
@@ -142,7 +146,7 @@ impl RemotePlant {
             tau: self.tau,
         };
         self.is_new = false;
-        match link.send(&command) {
+        match line.send(&command) {
             Ok(is_taken) => self.is_stepping = is_taken && self.is_simulated,
             Err(error) => self.end(error.into()),
         }
@@ -150,29 +154,44 @@ impl RemotePlant {
 
     /// Takes a message that comes within `patience`: whether there was one.
     fn receive(&mut self, patience: Duration) -> bool {
-        let Some(link) = &self.link else { return false };
+        let Some(line) = &mut self.line else { return false };
         let message = match self.is_simulated {
-            true => link.receive_answer(&mut self.buffer, patience),
-            false => link.receive(&mut self.buffer, patience),
+            true => line.receive_answer(&mut self.buffer, patience),
+            false => line.socket().receive(&mut self.buffer, patience),
         };
         let received = match message {
             Ok(None) => return false,
             Ok(Some(Message::State(state))) => Ok(*state),
             Ok(Some(Message::Outcome(outcome))) => {
-                if outcome.episode == self.wanted {
-                    self.outcome = outcome.measures();
-                }
+                self.outcome = told(outcome, self.wanted).unwrap_or(self.outcome);
                 return true;
             }
             Ok(Some(_)) => Err(Ended::Message),
             Err(error) => Err(error.into()),
         };
         match received.and_then(|state| self.check(&state).map(|is_newer| (state, is_newer))) {
-            Ok((state, true)) => self.accept(state),
+            Ok((state, true)) => {
+                self.catch_up(&state);
+                self.accept(state);
+            }
             Ok((_, false)) => {}
             Err(why) => self.end(why),
         }
         true
+    }
+
+    /// Samples in shared memory overtake what the plant told over the socket before.
+    fn catch_up(&mut self, state: &PlantState) {
+        let has_told = state.flags & STATE_TOLD != 0;
+        let Some(line) = self.line.as_ref().filter(|line| has_told && line.is_shared()) else {
+            return;
+        };
+        // Whatever else is there, or its end, is found by the next look.
+        if let Ok(Some(Message::Outcome(outcome))) =
+            line.socket().receive(&mut self.buffer, Duration::ZERO)
+        {
+            self.outcome = told(outcome, self.wanted).unwrap_or(self.outcome);
+        }
     }
 
     /// Whether it is newer than the last one. In lockstep there is no other; a real plant's may come twice
@@ -214,10 +233,28 @@ impl RemotePlant {
         Ok(())
     }
 
+    /// Waits a moment for the sample that a step leads to, unless the plant is gone.
+    fn finish_step(&mut self) {
+        if self.ends.has_hung_up.load(Ordering::Acquire) && !self.is_stepping {
+            self.end(LinkError::Gone.into());
+        }
+        if self.is_stepping {
+            let start = Instant::now();
+            while self.is_stepping && start.elapsed() < SLICE {
+                self.receive(SLICE);
+            }
+        }
+    }
+
     /// What the plant itself measured of the episode; once.
     pub fn take_outcome(&mut self) -> Measures {
         std::mem::replace(&mut self.outcome, Measures::NONE)
     }
+}
+
+/// What an Outcome of the episode that is `wanted` says; nothing, of another one.
+fn told(outcome: &PlantOutcome, wanted: u64) -> Option<Measures> {
+    (outcome.episode == wanted).then(|| outcome.measures())
 }
 
 impl Plant for RemotePlant {
@@ -268,23 +305,18 @@ impl Plant for RemotePlant {
         if !self.is_stepping {
             self.send(MODE_TRACK);
         }
-        self.presence();
+        self.finish_step();
     }
 
     fn presence(&mut self) -> Presence {
+        if !std::mem::replace(&mut self.is_loss_known, true) {
+            return Presence::Lost;
+        }
         if let Ok(arrival) = self.ends.arrivals.pop() {
             self.take(arrival);
         }
-        if self.ends.has_hung_up.load(Ordering::Acquire) && !self.is_stepping {
-            self.end(LinkError::Gone.into());
-        }
-        if self.is_stepping {
-            let start = Instant::now();
-            while self.is_stepping && start.elapsed() < SLICE {
-                self.receive(SLICE);
-            }
-        }
-        match (&self.link, &self.state) {
+        self.finish_step();
+        match (&self.line, &self.state) {
             (Some(_), Some(_)) if self.is_stepping => Presence::Busy,
             (Some(_), Some(_)) => Presence::There,
             (None, Some(_)) => Presence::Lost,
@@ -294,13 +326,13 @@ impl Plant for RemotePlant {
 
     fn wait(&mut self, longest: Duration) {
         let start = Instant::now();
-        while self.link.is_some() && !self.is_new {
+        while self.line.is_some() && !self.is_new {
             match longest.checked_sub(start.elapsed()) {
                 Some(left) => self.receive(left),
                 None => break,
             };
         }
-        if self.link.is_none() {
+        if self.line.is_none() {
             std::thread::sleep(longest);
         }
         // Only the newest counts; one that floods the line holds nobody up.

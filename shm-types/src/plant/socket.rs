@@ -30,7 +30,7 @@ const FILE: &str = "plant.sock";
 /// Between two attempts to connect.
 const AGAIN: Duration = Duration::from_millis(20);
 /// How long an answer is looked out for: about a step of a simulator.
-const LOOK_OUT: Duration = Duration::from_micros(100);
+pub(super) const LOOK_OUT: Duration = Duration::from_micros(100);
 /// Words of the longest message, and one more, so that a longer one shows.
 const BUFFER_WORDS: usize = size_of::<PlantOutcome>() / 8 + 1;
 
