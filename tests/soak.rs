@@ -18,7 +18,14 @@ fn a_short_soak_loses_nothing_and_leaves_nothing() {
     // What it says it did, it must have done.
     assert!(both["controller"]["kills"].as_u64() > Some(0), "{summary:#}");
     assert!(both["learner"]["kills"].as_u64() > Some(0), "{summary:#}");
-    for cell in ["both", "learner"] {
+    // Each death of a plant alone was seen, and ended by a re-arm.
+    let plant = &summary["cells"]["plant"];
+    assert!(plant["plant"]["kills"].as_u64() > Some(0), "{summary:#}");
+    let held = plant["kills"]["plant"].as_u64().unwrap_or(0);
+    assert_eq!(plant["holds"]["seen"], held);
+    assert!(plant["rearms"]["accepted"].as_u64() >= Some(held), "{summary:#}");
+    assert!(plant["rearms"]["refused"].as_u64() >= Some(held), "{summary:#}");
+    for cell in ["both", "learner", "plant"] {
         let cell = &summary["cells"][cell];
         let episodes = &cell["episodes"];
         let sessions = cell["sessions"].as_u64().unwrap();
@@ -34,7 +41,7 @@ fn a_soak_notices_a_session_that_is_not_the_undisturbed_one() {
     let arguments = ["soak", "--minutes", "0.05", "--rollouts", "6", "--out", "o"];
     assert_eq!(bench.run(&arguments).status.code(), Some(0));
     // The same folder again, with references of another search.
-    for cell in ["both", "learner"] {
+    for cell in ["both", "learner", "plant"] {
         for session in ["session-0", "undisturbed-1", "undisturbed-2", "undisturbed-3"] {
             let _ = std::fs::remove_dir_all(bench.path("o").join(cell).join(session));
         }

@@ -10,17 +10,18 @@ use super::PaceArg;
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
-  skillet soak --minutes 60          two cells learn under kills, swaps and observers
-  skillet soak --kills 200 --json    until each role was killed 200 times
+  skillet soak --minutes 60          three cells learn under kills, swaps and observers
+  skillet soak --kills 200 --json    until every kind of kill has happened 200 times in each cell
 
-Controllers and learners are killed at random instants, start-up included; each session is compared
-bit for bit with one that nobody disturbed. Exit code 1: something was lost, differs or did not come
-back; the folder with its logs then stays.")]
+Controllers, learners and plants in other processes are killed at random instants, alone, at once and
+during start-up. After the death of a plant alone the arm must be held until it is re-armed. Each
+session is compared bit for bit with one that nobody disturbed. Exit code 1: something was lost,
+differs or did not come back; the folder with its logs then stays.")]
 pub struct SoakArgs {
-    /// How long
-    #[arg(long, value_name = "MIN", default_value = "2", value_parser = minutes)]
-    pub minutes: f64,
-    /// End earlier, once controller and learner of one cell were both killed so often
+    /// How long; 2 minutes, or as long as --kills takes, when absent
+    #[arg(long, value_name = "MIN", value_parser = minutes)]
+    pub minutes: Option<f64>,
+    /// End once every kind of kill has happened so often in each cell
     #[arg(long, value_name = "N")]
     pub kills: Option<u64>,
     /// Rollouts of a session; one session follows another

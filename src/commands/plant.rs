@@ -6,6 +6,7 @@ use anyhow::{Context, Result};
 use physics::arm::JointVector;
 use physics::plant::{Measurement, Plant as _};
 use shm_types::cell::Cell;
+use shm_types::service_manager::{Notice, notify};
 use skillet_plant::{Answer, Description, Object, Plant, Sample};
 
 use crate::Verdict;
@@ -50,6 +51,7 @@ fn serve(args: &ServeArgs) -> Result<Verdict> {
         None => external::socket_of(&config, &cell),
     };
     let mut line = Plant::connect(&socket, &description).context("skillet plant serve")?;
+    notify(&[Notice::Ready]);
     say("the controller is there");
     while !stop.load(Ordering::Relaxed) {
         match line.exchange(&sample(&plant.measure()))? {

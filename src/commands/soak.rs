@@ -12,6 +12,9 @@ use crate::signals::{Who, stop_flag};
 use crate::soak::{self, Plan};
 use crate::stderr::say;
 
+/// Of a soak that counts no kills, min.
+const MINUTES: f64 = 2.0;
+
 pub fn run(args: &SoakArgs) -> Result<Verdict> {
     let stop = stop_flag(Who::Tool)?;
     let scratch = std::env::temp_dir().join(format!("skillet-soak-{}", std::process::id()));
@@ -20,8 +23,9 @@ pub fn run(args: &SoakArgs) -> Result<Verdict> {
         .with_context(|| format!("{}: cannot create the folder", dir.display()))?;
     // Services get its path from another working directory.
     let dir = std::path::absolute(&dir).context("finding the folder")?;
+    let minutes = args.minutes.or(args.kills.is_none().then_some(MINUTES));
     let plan = Plan {
-        time: Duration::from_secs_f64(60.0 * args.minutes),
+        time: minutes.map(|minutes| Duration::from_secs_f64(60.0 * minutes)),
         kills: args.kills,
         rollouts: args.rollouts.get(),
         seed: args.seed,

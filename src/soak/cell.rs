@@ -8,6 +8,7 @@ use anyhow::{Context, Result, bail};
 use shm_types::cell::Cell;
 
 use super::Plan;
+use super::ordeal::{Ordeal, Role};
 use super::process::Process;
 use crate::children::Service;
 use crate::config::Config;
@@ -16,6 +17,7 @@ use crate::config::Config;
 const N_SEEDS: u64 = 4;
 
 pub struct SoakCell {
+    pub ordeal: Ordeal,
     pub cell: Cell,
     pub dir: PathBuf,
     pace: &'static str,
@@ -23,13 +25,13 @@ pub struct SoakCell {
 }
 
 impl SoakCell {
-    pub fn create(plan: &Plan, name: &str) -> Result<SoakCell> {
-        let pid = std::process::id();
+    pub fn create(plan: &Plan, ordeal: Ordeal) -> Result<SoakCell> {
+        let (pid, name) = (std::process::id(), ordeal.name());
         let cell = Cell::new(&format!("soak-{pid}-{name}"))?;
         let dir = plan.dir.join(name);
         std::fs::create_dir_all(&dir)
             .with_context(|| format!("{}: cannot create the folder", dir.display()))?;
-        let soak = SoakCell { cell, dir, pace: plan.pace.name(), parent: pid.to_string() };
+        let soak = SoakCell { ordeal, cell, dir, pace: plan.pace.name(), parent: pid.to_string() };
         for seed in 0..N_SEEDS {
             soak.write_config(seed, plan.rollouts)?;
         }
@@ -56,13 +58,27 @@ impl SoakCell {
         (self.dir.join(format!("session-{number}")), number % N_SEEDS)
     }
 
-    pub fn controller(&self) -> Result<Process> {
-        self.start("controller", 0, &[])
+    /// A service of session `number`.
+    pub fn start(&self, role: Role, number: u64) -> Result<Process> {
+        let (folder, seed) = self.session(number);
+        match role {
+            Role::Controller if self.ordeal.has_plant() => {
+                self.service(role, seed, &["--plant", "external"].map(OsStr::new))
+            }
+            Role::Controller => self.service(role, seed, &[]),
+            Role::Plant => self.plant(seed),
+            Role::Learner => {
+                self.service(role, seed, &[OsStr::new("--session"), folder.as_os_str()])
+            }
+        }
     }
 
-    pub fn learner(&self, number: u64) -> Result<Process> {
-        let (folder, seed) = self.session(number);
-        self.start("learner", seed, &[OsStr::new("--session"), folder.as_os_str()])
+    /// The built-in world, served by another process: the same bits as those of the references.
+    fn plant(&self, seed: u64) -> Result<Process> {
+        let config = self.config(seed);
+        let arguments = ["plant", "serve", "--cell", self.cell.name(), "--config"].map(OsStr::new);
+        let arguments = [&arguments[..], &[config.as_os_str()]].concat();
+        Process::start(Role::Plant.name(), &arguments, &self.dir)
     }
 
     /// `skillet watch`, which is told everything that a cell tells.
@@ -72,9 +88,9 @@ impl SoakCell {
         Service::start_apart("watcher", &arguments.map(OsStr::new), log, &[])
     }
 
-    fn start(&self, verb: &'static str, seed: u64, more: &[&OsStr]) -> Result<Process> {
+    fn service(&self, role: Role, seed: u64, more: &[&OsStr]) -> Result<Process> {
         let config = self.config(seed);
-        let (cell, pace) = (self.cell.name(), self.pace);
+        let (verb, cell, pace) = (role.name(), self.cell.name(), self.pace);
         let common = [verb, "--child", &self.parent, "--cell", cell, "--pace", pace, "--config"];
         let common = common.map(OsStr::new);
         Process::start(verb, &[&common[..], &[config.as_os_str()], more].concat(), &self.dir)

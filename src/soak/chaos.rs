@@ -1,5 +1,6 @@
 //! What happens to one cell: a random script of kills, swaps and observers around its sessions.
 
+use std::collections::BTreeMap;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -9,18 +10,22 @@ use learner::store::{Store, TrialRecord};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
-use shm_types::cell::Role;
 use shm_types::ports::ObserverPorts;
 
 use super::cell::SoakCell;
-use super::footprint::{Footprint, Held};
+use super::footprint::Held;
 use super::ledger::Ledger;
+use super::operator::Operator;
+use super::ordeal::{Kill, Role};
 use super::process::Process;
+use super::tally::{Tally, locked};
 use crate::bench::service::Commander;
 use crate::stderr::say;
 
 /// Between two events, ms.
 const PAUSE_MS: std::ops::Range<u64> = 20..300;
+/// The same while sessions are finished in peace.
+const PEACE: Duration = Duration::from_millis(20);
 /// A start takes about as long: a kill within it meets every stage, ms.
 const START_UP_MS: std::ops::Range<u64> = 0..40;
 /// How long an observer lives before it is killed, and how long it stalls before that, ms.
@@ -31,169 +36,148 @@ const SWAPS: u32 = 8;
 const ONLOOKERS: u32 = 9;
 const SOON: Duration = Duration::from_secs(10);
 
-/// What was done to a role, and how it came back.
-#[derive(Clone, Debug, Default)]
-pub struct RoleTally {
-    pub kills: u64,
-    /// Of these, within the first moments after the start.
-    pub at_start: u64,
-    /// From its start to readiness, or for a learner to its controller.
-    pub restarts: Vec<Duration>,
-}
-
-/// What happened in a cell so far.
-#[derive(Clone, Debug, Default)]
-pub struct Tally {
-    pub controller: RoleTally,
-    pub learner: RoleTally,
-    pub swaps: u64,
-    pub onlookers: u64,
-    /// Processes that watched, stalled or not, and were killed.
-    pub observers_killed: u64,
-    pub sessions: u64,
-    /// Sessions that are not those of an undisturbed run.
-    pub different: u64,
-    pub ledger: Ledger,
-    /// Of a controller that nobody kills.
-    pub footprint: Footprint,
-}
-
-impl Tally {
-    pub fn line(&self) -> String {
-        format!(
-            "{} + {} kills (controller + learner), {} swaps, {} sessions, {} trials, {} different",
-            self.controller.kills,
-            self.learner.kills,
-            self.swaps,
-            self.sessions,
-            self.ledger.learnt,
-            self.different
-        )
-    }
-}
+/// The services of a session; a learner that is done is gone.
+type Running = BTreeMap<Role, Process>;
 
 pub struct Chaos<'a> {
     cell: &'a SoakCell,
-    kills_controller: bool,
     rng: ChaCha8Rng,
     over: &'a AtomicBool,
     tally: &'a Mutex<Tally>,
 }
 
-/// The services of a session; a learner that is done is gone.
-struct Running {
-    controller: Process,
-    learner: Option<Process>,
-}
-
 impl<'a> Chaos<'a> {
     pub fn new(
         cell: &'a SoakCell,
-        kills_controller: bool,
         seed: u64,
         over: &'a AtomicBool,
         tally: &'a Mutex<Tally>,
     ) -> Chaos<'a> {
-        Chaos { cell, kills_controller, rng: ChaCha8Rng::seed_from_u64(seed), over, tally }
+        Chaos { cell, rng: ChaCha8Rng::seed_from_u64(seed), over, tally }
     }
 
     /// Session after session until it is over. The one under way is finished in peace.
     pub fn run(mut self) -> Result<()> {
-        let mut controller = self.cell.controller()?;
-        controller.said("READY=1")?.context("the controller ended by itself")?;
+        let mut running = Running::new();
         for number in 0.. {
-            controller = self.session(number, controller)?;
+            self.session(number, &mut running)?;
             if self.is_over() {
                 break;
             }
         }
-        controller.stop()
+        if let Some(controller) = running.remove(&Role::Controller) {
+            controller.stop()?;
+        }
+        expect_end(&mut running)
     }
 
-    fn session(&mut self, number: u64, controller: Process) -> Result<Process> {
-        let learner = self.start_learner(number)?;
-        let mut running = Running { controller, learner };
-        while let Some(learner) = &mut running.learner {
-            if let Some(status) = running.controller.exited()? {
-                bail!(running.controller.obituary(status));
-            }
-            match learner.exited()? {
-                Some(status) if status.success() => running.learner = None,
-                Some(status) => bail!(learner.obituary(status)),
-                None if self.is_over() => {
-                    std::thread::sleep(Duration::from_millis(20));
-                }
-                None => {
-                    std::thread::sleep(self.random_ms(PAUSE_MS));
-                    running = self.happen(number, running)?;
-                }
+    fn session(&mut self, number: u64, running: &mut Running) -> Result<()> {
+        for role in self.missing(running) {
+            self.start(role, number, running)?;
+        }
+        while goes_on(running)? {
+            let is_over = self.is_over();
+            std::thread::sleep(if is_over { PEACE } else { self.random_ms(PAUSE_MS) });
+            self.attend()?;
+            if !is_over {
+                self.happen(number, running)?;
             }
         }
-        self.settle_accounts(number, &running.controller)?;
-        Ok(running.controller)
+        self.settle_accounts(number, running)
     }
 
-    fn happen(&mut self, number: u64, mut running: Running) -> Result<Running> {
+    fn happen(&mut self, number: u64, running: &mut Running) -> Result<()> {
         match self.rng.random_range(0..10) {
-            event if event < KILLS => running = self.kill(number, running)?,
-            event if event < SWAPS => self.swap()?,
-            event if event < ONLOOKERS => self.look_on()?,
-            _ => self.kill_observer()?,
+            event if event < KILLS => self.kill(number, running),
+            event if event < SWAPS => self.swap(),
+            event if event < ONLOOKERS => self.look_on(),
+            _ => self.kill_observer(),
         }
-        Ok(running)
     }
 
-    /// Kills one of the services, or both at once, and starts them again.
-    fn kill(&mut self, number: u64, running: Running) -> Result<Running> {
-        let Running { mut controller, mut learner } = running;
-        let which = if self.kills_controller { self.rng.random_range(0..5) } else { 0 };
-        let (kill_learner, kill_controller) = (which < 3, which >= 2);
-        if kill_learner && let Some(learner) = learner.take() {
-            learner.kill();
-            self.count(|tally| tally.learner.kills += 1);
+    /// Kills one of the services, or several at once, and starts them again.
+    fn kill(&mut self, number: u64, running: &mut Running) -> Result<()> {
+        let kills = self.cell.ordeal.kills();
+        let kill = kills[self.rng.random_range(0..kills.len())];
+        match kill {
+            [Role::Plant] => {
+                let mut operator = Operator::of(&self.cell.cell)?;
+                let killed = Instant::now();
+                let _dead = self.strike(kill, running);
+                let held = operator.see_hold(killed)?;
+                self.count(|tally| {
+                    tally.holds.push(held);
+                    tally.rearms.refused += 1;
+                });
+            }
+            _ => drop(self.strike(kill, running)),
         }
-        if kill_controller {
-            controller.kill();
-            self.count(|tally| tally.controller.kills += 1);
-            self.kill_at_start(Role::Controller, number)?;
-            controller = self.cell.controller()?;
-            let ready = controller.said("READY=1")?.context("the controller ended by itself")?;
-            self.count(|tally| tally.controller.restarts.push(ready));
+        if !running.contains_key(&Role::Controller) {
+            expect_end(running)?;
         }
-        if kill_learner {
-            self.kill_at_start(Role::Learner, number)?;
-            learner = self.start_learner(number)?;
+        for role in self.missing(running) {
+            self.kill_at_start(role, number)?;
+            self.start(role, number, running)?;
         }
-        Ok(Running { controller, learner })
+        self.attend()
+    }
+
+    /// At once: their managers, which take a moment to end, are left to the caller.
+    fn strike(&mut self, kill: Kill, running: &mut Running) -> Vec<Process> {
+        let mut victims: Vec<Process> =
+            kill.iter().filter_map(|role| running.remove(role)).collect();
+        if self.rng.random() {
+            victims.reverse();
+        }
+        victims.iter_mut().for_each(Process::kill);
+        self.count(|tally| {
+            *tally.kills.entry(kill).or_default() += 1;
+            kill.iter().for_each(|role| tally.role(*role).kills += 1);
+        });
+        victims
     }
 
     /// Half the time, once to three times.
     fn kill_at_start(&mut self, role: Role, number: u64) -> Result<()> {
         for _ in 0..self.rng.random_range(0..7_u32).saturating_sub(3) {
-            let process = match role {
-                Role::Controller => self.cell.controller()?,
-                Role::Learner => self.cell.learner(number)?,
-            };
+            let mut process = self.cell.start(role, number)?;
             std::thread::sleep(self.random_ms(START_UP_MS));
             process.kill();
             self.count(|tally| {
-                let role = match role {
-                    Role::Controller => &mut tally.controller,
-                    Role::Learner => &mut tally.learner,
-                };
-                role.kills += 1;
-                role.at_start += 1;
+                tally.role(role).kills += 1;
+                tally.role(role).at_start += 1;
             });
         }
         Ok(())
     }
 
-    /// `None` when the session was done already.
-    fn start_learner(&mut self, number: u64) -> Result<Option<Process>> {
-        let mut learner = self.cell.learner(number)?;
-        let Some(ready) = learner.said("STATUS=learning")? else { return Ok(None) };
-        self.count(|tally| tally.learner.restarts.push(ready));
-        Ok(Some(learner))
+    fn missing(&self, running: &Running) -> Vec<Role> {
+        let services = self.cell.ordeal.services().iter().copied();
+        services.filter(|role| !running.contains_key(role)).collect()
+    }
+
+    /// Waits until it is up. A learner whose session was done already is gone again.
+    fn start(&mut self, role: Role, number: u64, running: &mut Running) -> Result<()> {
+        let mut process = self.cell.start(role, number)?;
+        match process.said(role.when_up())? {
+            Some(up) => {
+                self.count(|tally| tally.role(role).restarts.push(up));
+                running.insert(role, process);
+            }
+            None if role == Role::Learner => {}
+            None => bail!("the {} ended by itself", role.name()),
+        }
+        Ok(())
+    }
+
+    /// Re-arms an arm that is held. Only a plant that was in the loop latches when it dies, and a
+    /// controller that dies with it may have put that on disk or not.
+    fn attend(&mut self) -> Result<()> {
+        if self.cell.ordeal.has_plant() {
+            let rearms = Operator::of(&self.cell.cell)?.attend()?;
+            self.count(|tally| tally.rearms.add(rearms));
+        }
+        Ok(())
     }
 
     /// Into the rollout in progress, as an operator would.
@@ -238,7 +222,7 @@ impl<'a> Chaos<'a> {
     }
 
     /// Compares the session with an undisturbed one, and the episodes with their log.
-    fn settle_accounts(&mut self, number: u64, controller: &Process) -> Result<()> {
+    fn settle_accounts(&mut self, number: u64, running: &Running) -> Result<()> {
         let (folder, seed) = self.cell.session(number);
         let trials = |folder: &std::path::Path| -> Result<Vec<Vec<u64>>> {
             let trials = Store::open(&folder.join("session.db"))?.trials()?;
@@ -249,9 +233,11 @@ impl<'a> Chaos<'a> {
             say(&format!("{}: differs from an undisturbed run", folder.display()));
         }
         let ledger = Ledger::of(&folder, &self.cell.dir.join("controller.log"))?;
-        let held = match self.kills_controller {
-            true => None,
-            false => Some(Held::at_rest(controller.id())?),
+        let held = match running.get(&Role::Controller) {
+            Some(controller) if self.cell.ordeal.spares(Role::Controller) => {
+                Some(Held::at_rest(controller.id())?)
+            }
+            _ => None,
         };
         self.count(|tally| {
             tally.sessions += 1;
@@ -272,9 +258,30 @@ impl<'a> Chaos<'a> {
     }
 
     fn count(&self, change: impl FnOnce(&mut Tally)) {
-        match self.tally.lock() {
-            Ok(mut tally) => change(&mut tally),
-            Err(broken) => change(&mut broken.into_inner()),
+        change(&mut locked(self.tally));
+    }
+}
+
+/// Whether the learner is at work. Nobody else ends by itself.
+fn goes_on(running: &mut Running) -> Result<bool> {
+    let mut is_done = false;
+    for (role, process) in running.iter_mut() {
+        match process.exited()? {
+            None => {}
+            Some(status) if *role == Role::Learner && status.success() => is_done = true,
+            Some(status) => bail!(process.obituary(status)),
         }
+    }
+    if is_done {
+        running.remove(&Role::Learner);
+    }
+    Ok(running.contains_key(&Role::Learner))
+}
+
+/// A plant without its controller ends by itself.
+fn expect_end(running: &mut Running) -> Result<()> {
+    match running.remove(&Role::Plant) {
+        Some(plant) => plant.end().context("a plant whose controller is gone"),
+        None => Ok(()),
     }
 }

@@ -111,8 +111,21 @@ impl Process {
     }
 
     /// SIGKILL: it learns nothing of it.
-    pub fn kill(mut self) {
+    pub fn kill(&mut self) {
         self.service.kill();
+    }
+
+    /// It ends by itself, with an exit code.
+    pub fn end(mut self) -> Result<()> {
+        let start = Instant::now();
+        while start.elapsed() < PATIENCE {
+            match self.service.exited()? {
+                Some(status) if status.code().is_some() => return Ok(()),
+                Some(status) => bail!(self.service.obituary(status)),
+                None => std::thread::sleep(LOOK),
+            }
+        }
+        bail!("it has not ended within {PATIENCE:?}")
     }
 
     pub fn obituary(&self, status: ExitStatus) -> String {

@@ -2,17 +2,17 @@
 
 use std::time::Duration;
 
-use serde_json::json;
+use serde_json::{Map, Value, json};
 
-use super::chaos::{RoleTally, Tally};
+use super::ordeal::{Ordeal, kill_name};
+use super::tally::Tally;
 
 /// Growth of a process nobody kills that is still called flat.
 const FLAT: f64 = 0.02;
 
 pub struct Summary {
     pub wall: Duration,
-    /// By what is killed in them.
-    pub cells: [(&'static str, Tally); 2],
+    pub cells: Vec<(Ordeal, Tally)>,
     /// What did not come back, or answer, or end in order.
     pub failures: Vec<String>,
     /// Shared memory and locks that should be gone.
@@ -28,19 +28,22 @@ impl Summary {
     fn reasons(&self) -> Vec<String> {
         let mut reasons = self.failures.clone();
         reasons.extend(self.left_over.iter().map(|path| format!("left over: {path}")));
-        for (name, tally) in &self.cells {
-            let of_cell = faults(tally).into_iter();
+        for (ordeal, tally) in &self.cells {
+            let (name, of_cell) = (ordeal.name(), faults(tally).into_iter());
             reasons.extend(of_cell.map(|fault| format!("in the cell '{name}': {fault}")));
         }
         reasons
     }
 
-    pub fn json(&self) -> serde_json::Value {
-        let cells = self.cells.iter().map(|(name, tally)| (name.to_string(), cell_json(tally)));
+    pub fn json(&self) -> Value {
+        let cells = self
+            .cells
+            .iter()
+            .map(|(ordeal, tally)| (ordeal.name().to_string(), cell_json(*ordeal, tally)));
         json!({
             "good": self.is_good(),
             "minutes": self.wall.as_secs_f64() / 60.0,
-            "cells": cells.collect::<serde_json::Map<_, _>>(),
+            "cells": cells.collect::<Map<_, _>>(),
             "failures": self.reasons(),
             "left_over": self.left_over,
         })
@@ -48,12 +51,8 @@ impl Summary {
 
     pub fn text(&self) -> String {
         let mut text = format!("soaked for {:.1} min\n", self.wall.as_secs_f64() / 60.0);
-        for (name, tally) in &self.cells {
-            text += &match *name {
-                "both" => "\ncontroller and learner killed\n".to_string(),
-                _ => "\nlearner killed, controller left alone\n".to_string(),
-            };
-            text += &cell_text(tally);
+        for (ordeal, tally) in &self.cells {
+            text += &format!("\n{}\n{}", ordeal.title(), cell_text(*ordeal, tally));
         }
         text += "\n";
         for reason in self.reasons() {
@@ -96,20 +95,25 @@ fn faults(tally: &Tally) -> Vec<String> {
     faults
 }
 
-fn cell_text(tally: &Tally) -> String {
+fn cell_text(ordeal: Ordeal, tally: &Tally) -> String {
     let ledger = &tally.ledger;
     let mut text = String::new();
-    for (name, role) in [("controller", &tally.controller), ("learner", &tally.learner)] {
-        if role.kills == 0 {
-            continue;
-        }
-        let [p50, p99, max] = percentiles(role).map(|ms| format!("{ms:.0}"));
+    for &role in ordeal.services().iter().filter(|role| !ordeal.spares(**role)) {
+        let (name, role) = (role.name(), tally.of(role));
         text += &format!(
-            "  {name:<11} {} kills, {} of them at its start; up again after p50 {p50}, p99 {p99}, \
-             max {max} ms (n = {})\n",
+            "  {name:<11} {} kills, {} of them at its start; up again after {}\n",
             role.kills,
             role.at_start,
-            role.restarts.len()
+            times(&role.restarts)
+        );
+    }
+    text += &format!("  kills       {}\n", tally.kills_in_words());
+    if ordeal.has_plant() {
+        text += &format!(
+            "  arm held    after a plant's death: {}; {} re-arms accepted, {} refused\n",
+            times(&tally.holds),
+            tally.rearms.accepted,
+            tally.rearms.refused
         );
     }
     text += &format!(
@@ -142,16 +146,28 @@ fn cell_text(tally: &Tally) -> String {
     text
 }
 
-fn cell_json(tally: &Tally) -> serde_json::Value {
-    let role = |role: &RoleTally| {
-        let [p50, p99, max] = percentiles(role);
-        json!({
-            "kills": role.kills,
-            "kills_at_start": role.at_start,
-            "restarts": role.restarts.len(),
-            "restart_ms": { "p50": p50, "p99": p99, "max": max },
-        })
-    };
+fn cell_json(ordeal: Ordeal, tally: &Tally) -> Value {
+    let mut cell = outcome_json(tally);
+    for role in ordeal.services() {
+        let of = tally.of(*role);
+        cell[role.name()] = json!({
+            "kills": of.kills,
+            "kills_at_start": of.at_start,
+            "restarts": of.restarts.len(),
+            "restart_ms": times_json(&of.restarts),
+        });
+    }
+    let kills = tally.kills.iter().map(|(kill, n)| (kill_name(kill), json!(n)));
+    cell["kills"] = Value::Object(kills.collect());
+    if ordeal.has_plant() {
+        cell["holds"] = json!({ "seen": tally.holds.len(), "after_ms": times_json(&tally.holds) });
+        cell["rearms"] =
+            json!({ "accepted": tally.rearms.accepted, "refused": tally.rearms.refused });
+    }
+    cell
+}
+
+fn outcome_json(tally: &Tally) -> Value {
     let ledger = &tally.ledger;
     let footprint = tally.footprint.trend().map(|[first, last]| {
         json!({
@@ -160,8 +176,6 @@ fn cell_json(tally: &Tally) -> serde_json::Value {
         })
     });
     json!({
-        "controller": role(&tally.controller),
-        "learner": role(&tally.learner),
         "sessions": tally.sessions,
         "sessions_different": tally.different,
         "swaps": tally.swaps,
@@ -178,13 +192,23 @@ fn cell_json(tally: &Tally) -> serde_json::Value {
     })
 }
 
-/// p50, p99 and longest restart, ms; nearest rank.
-fn percentiles(role: &RoleTally) -> [f64; 3] {
-    let mut sorted = role.restarts.clone();
+fn times(times: &[Duration]) -> String {
+    let [p50, p99, max] = percentiles(times);
+    format!("p50 {p50:.0}, p99 {p99:.0}, max {max:.0} ms (n = {})", times.len())
+}
+
+fn times_json(times: &[Duration]) -> Value {
+    let [p50, p99, max] = percentiles(times);
+    json!({ "p50": p50, "p99": p99, "max": max })
+}
+
+/// p50, p99 and the longest, ms; nearest rank.
+fn percentiles(times: &[Duration]) -> [f64; 3] {
+    let mut sorted = times.to_vec();
     sorted.sort_unstable();
     [0.5, 0.99, 1.0].map(|share| {
         let rank = (share * sorted.len() as f64).ceil() as usize;
-        let restart = sorted.get(rank.saturating_sub(1)).copied().unwrap_or_default();
-        1e3 * restart.as_secs_f64()
+        let time = sorted.get(rank.saturating_sub(1)).copied().unwrap_or_default();
+        1e3 * time.as_secs_f64()
     })
 }
