@@ -29,7 +29,7 @@ pub(crate) struct Arrival {
 /// A line that the loop gave up, and why. It is taken apart off the rt thread.
 pub(crate) struct Departure {
     pub why: Ended,
-    pub line: ControllerLine,
+    pub _line: ControllerLine,
 }
 
 /// Why the loop gave a connection up.

@@ -54,7 +54,7 @@ fn serve(args: &ServeArgs) -> Result<Verdict> {
     notify(&[Notice::Ready]);
     say("the controller is there");
     while !stop.load(Ordering::Relaxed) {
-        match line.exchange(&sample(&plant.measure()))? {
+        match line.exchange_unless(&sample(&plant.measure()), &stop)? {
             Answer::Torque(tau) => {
                 plant.apply(&JointVector::from(tau));
                 plant.advance();

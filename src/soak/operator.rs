@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 use shm_types::cell::Cell;
-use shm_types::command::{COMMAND_REARM, Command};
+use shm_types::command::{COMMAND_REARM, Command, PLANT_ABSENT};
 
 use super::tally::Rearms;
 use crate::bench::service::Commander;
@@ -46,16 +46,16 @@ impl Operator {
         let (start, mut rearms, mut why) = (Instant::now(), Rearms::default(), None);
         while start.elapsed() < PATIENCE {
             let status = self.commander.status()?;
-            match (status.plant_absent, status.latched_fault) {
-                (0, 0) => return Ok(rearms),
-                (0, _) => match self.rearm()? {
+            match (status.plant, status.latched_fault) {
+                (PLANT_ABSENT, _) => {}
+                (_, 0) => return Ok(rearms),
+                _ => match self.rearm()? {
                     Ok(()) => rearms.accepted += 1,
                     Err(reason) => {
                         rearms.refused += 1;
                         why = Some(reason);
                     }
                 },
-                _ => {}
             }
             std::thread::sleep(AGAIN);
         }

@@ -34,6 +34,7 @@ mod c;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use shm_types::cell::{Cell, CellError};
@@ -56,6 +57,8 @@ pub use shm_types::MAX_JOINTS;
 const LOOK_FOR: Duration = Duration::from_secs(30);
 /// A controller says something twice a second at least; one that is silent for so long stands still.
 const SILENCE: Duration = Duration::from_secs(5);
+/// Between two looks whether the process is to end.
+const SLICE: Duration = Duration::from_millis(50);
 /// A torque that no answer renewed acts for so many samples.
 const REPEATS: u32 = 2;
 /// Of a cell that nobody names.
@@ -270,10 +273,22 @@ impl Plant {
 
     /// Of a simulator: sends a sample and waits for what it is answered with. Time stands still meanwhile.
     pub fn exchange(&mut self, sample: &Sample) -> Result<Answer, PlantError> {
+        self.exchange_unless(sample, &AtomicBool::new(false))
+    }
+
+    /// The same of a process that may be told to end while time stands still: [`Answer::Stop`] once `is_over`.
+    pub fn exchange_unless(
+        &mut self,
+        sample: &Sample,
+        is_over: &AtomicBool,
+    ) -> Result<Answer, PlantError> {
         self.send(sample)?;
         let mut heard = Instant::now();
         while heard.elapsed() < SILENCE {
-            let received = self.line.receive_answer(&mut self.buffer, SILENCE - heard.elapsed())?;
+            if is_over.load(Ordering::Relaxed) {
+                return Ok(Answer::Stop);
+            }
+            let received = self.line.receive_answer(&mut self.buffer, SLICE)?;
             let Some(command) = command_of(received)? else { continue };
             heard = Instant::now();
             // A sign of life in between answers nothing.

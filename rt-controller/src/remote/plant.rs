@@ -128,7 +128,7 @@ impl RemotePlant {
     fn end(&mut self, why: Ended) {
         if let Some(line) = self.line.take() {
             // Never full: the next plant is let in once this one was seen off.
-            let _ = self.ends.departures.push(Departure { why, line });
+            let _ = self.ends.departures.push(Departure { why, _line: line });
             self.is_loss_known = false;
         }
         self.is_stepping = false;
