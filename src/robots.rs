@@ -30,10 +30,11 @@ macro_rules! robot {
 }
 
 /// In the order in which people see them. The WAM is what a task has by itself.
-pub const ALL: [Robot; 3] = [
+pub const ALL: [Robot; 4] = [
     robot!("panda", "Franka Emika Panda"),
     robot!("iiwa14", "KUKA LBR iiwa 14 R820"),
     robot!("xarm7", "UFACTORY xArm7"),
+    robot!("ur10e", "Universal Robots UR10e, six joints"),
 ];
 
 impl Robot {
@@ -83,6 +84,6 @@ mod tests {
         let error = ALL[0].settle("landscape", dir.path()).unwrap_err().to_string();
         assert!(error.contains("arm check"), "{error}");
         let error = Robot::find("pr2").err().unwrap().to_string();
-        assert!(error.contains("panda, iiwa14, xarm7"), "{error}");
+        assert!(error.contains("panda, iiwa14, xarm7, ur10e"), "{error}");
     }
 }
