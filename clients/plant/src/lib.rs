@@ -79,7 +79,8 @@ pub enum PlantError {
         "the controller said nothing for {0:.0} s: it is stopped or stuck; continue or restart it"
     )]
     Silent(f64),
-    #[error("the controller's shared memory cannot be used: {0}; without `polls` the socket does")]
+    /// Shared memory cannot be used; without `polls` the socket does.
+    #[error(transparent)]
     Shared(#[from] ChannelError),
     #[error("the connection to the controller failed ({0}): start this plant again")]
     Link(LinkError),
