@@ -2,6 +2,7 @@
 
 pub mod arm;
 pub mod bench;
+pub mod child;
 pub mod demo;
 pub mod doctor;
 pub mod judge;
@@ -86,6 +87,9 @@ pub enum Verb {
     Completions(shell::CompletionsArgs),
     /// Write the manual pages
     Man(shell::ManArgs),
+    /// Become another program, which ends with the process that started it
+    #[command(hide = true)]
+    Child(child::ChildArgs),
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
@@ -144,6 +148,7 @@ Examples:
   skillet learn skittles --target 1.2,0.0 --prefer tolerant
   skillet learn pancake --arm panda                  on a Franka Emika Panda
   skillet learn pancake --plant-program \"python3 examples/plant_mujoco.py\"
+  skillet learn pancake --judge my_task.py           rewards by a program of your own, in any language
   skillet learn pancake --out s7 --where \"apex_m < 0.45\"    a ceiling came down; s7 goes on below it
 
 Ctrl-C stops it with everything saved (exit code 1); the same command with --out resumes it.")]
@@ -172,6 +177,9 @@ pub struct LearnArgs {
     /// Program of an external plant, words apart by spaces, to be started and ended with the session
     #[arg(long, value_name = "COMMAND")]
     pub plant_program: Option<String>,
+    /// Program that judges every rollout: a Python file, or words apart by spaces; see docs/own-task.md
+    #[arg(long, value_name = "COMMAND")]
+    pub judge: Option<String>,
     /// Where the skittle stands, in m from the post (task skittles)
     #[arg(long, value_name = "X,Y", value_parser = point, allow_hyphen_values = true)]
     pub target: Option<[f64; 2]>,

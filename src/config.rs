@@ -11,9 +11,12 @@ use physics::skittles;
 use rt_controller::ControllerConfig;
 use serde::{Deserialize, Serialize};
 
-#[path = "config/plant.rs"] // also where the fuzzer takes this file from here
+#[path = "config/judge.rs"] // also where the fuzzer takes this file from here
+pub mod judge;
+#[path = "config/plant.rs"]
 pub mod plant;
 
+pub use judge::JudgeConfig;
 pub use plant::PlantConfig;
 
 /// The defaults of a task, by its name and what was chosen of its options.
@@ -53,19 +56,9 @@ pub struct TaskConfig {
     /// What its task lets be chosen, by name; see `skillet task list`.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub options: BTreeMap<String, String>,
-    /// Instead of `learner.reward`: reward and success as expressions over the task's measures.
+    /// Instead of `learner.reward`: reward and success as expressions over the measures, or a program.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub judge: Option<JudgeConfig>,
-}
-
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct JudgeConfig {
-    /// `1.5*min(apex_m, 0.55) + flip_angle_rad/pi`
-    pub reward: String,
-    /// `caught and flip_angle_rad > 2.5`; without one, only the reward tells good from bad.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub success: Option<String>,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -145,6 +138,10 @@ impl Config {
         for inner in &mut config.task.other_demonstrations {
             *inner = folder.join(&*inner);
         }
+        if let Some(judge) = config.task.judge.as_mut().filter(|judge| judge.has_program()) {
+            let inner = judge.directory.take().unwrap_or_default();
+            judge.directory = Some(judge::absolute(&folder.join(inner)));
+        }
         Ok(config)
     }
 
@@ -165,6 +162,7 @@ impl Config {
         if let Some(address) = self.metrics.listen {
             MetricsConfig::check(address)?;
         }
+        self.task.judge.as_ref().map_or(Ok(()), JudgeConfig::validate)?;
         self.plant.validate()?;
         self.plant.world(self.controller.period_s()).check().context("plant")?;
         self.controller.validate()?;
@@ -182,9 +180,13 @@ fn parse(text: &str, of: Defaults) -> Result<Config, toml::de::Error> {
     // First as it is: toml then names line and field, and lists the fields it knows.
     let given: Config = toml::from_str(text)?;
     let mut defaults = of(&given.task.name, given.task.options);
-    if given.task.judge.is_some() {
+    if let Some(judge) = &given.task.judge {
         // A reward of one's own says itself what compliance is worth, if anything.
         defaults.learner.compliance = ComplianceConfig::off();
+        if judge.has_program() {
+            // Its reward and its success take the place of those that the task would write.
+            defaults.task.judge = None;
+        }
     }
     let mut table = toml::Table::try_from(defaults).expect("a configuration is plain data");
     overlay(&mut table, toml::from_str(text)?);

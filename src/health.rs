@@ -5,7 +5,7 @@ use std::time::Duration;
 use rt_controller::fault::Fault;
 use serde::Serialize;
 use shm_types::command::{PLANT_ABSENT, Status};
-use shm_types::telemetry::WAITS_DISK;
+use shm_types::telemetry::{WAITS_DISK, WAITS_JUDGE};
 
 /// Controller and learner beat ten times a second; who was not heard for so long is silent. It is said
 /// within 2 s, by observers that look twice a second, too.
@@ -127,6 +127,9 @@ pub fn notes(status: &Status, cell: &str) -> Vec<String> {
         let unpin = format!("`skillet policy unpin --cell {cell}`");
         notes.push(format!("learner waits: policy {policy} is pinned; {unpin}"));
     }
+    if status.learner_waits == WAITS_JUDGE && has_learner(status) {
+        notes.push("learner waits for its judge; see judge.log in the session folder".into());
+    }
     if status.pin_restored == 1 {
         notes.push(format!(
             "policy {policy} was pinned by an earlier run and is served without a command; `skillet \
@@ -182,5 +185,8 @@ mod tests {
         let held = Status { latched_fault: 1, learner_age_ns: 0, ..pinned };
         assert!(notes(&held, "c1")[0].contains("skillet rearm --cell c1"));
         assert!(notes(&Status { pin_restored: 1, ..pinned }, "c1")[0].contains("an earlier run"));
+        let judged = Status { learner_waits: WAITS_JUDGE, learner_age_ns: 0, ..Status::ZERO };
+        assert!(notes(&judged, "c1")[0].contains("waits for its judge"));
+        assert_eq!(of(&judged).0, Health::Ok, "it is no defect");
     }
 }

@@ -1,25 +1,83 @@
-//! The judge of a configuration: what its task measures, and what that is worth.
+//! The judge of a configuration: what its task, its plant and its program measure, and what that is worth.
+
+mod answer;
+pub mod command;
+mod last_words;
+mod npy;
+mod process;
+mod program;
 
 use anyhow::{Context, Result, bail};
 use learner::LearnerConfig;
 use learner::expression::{Expression, Kind};
-use learner::judge::{Declared, Judge, Measurer, Paid, Verdict, VerdictError, list};
+use learner::judge::{
+    AssessError, Assessor, Declared, Judge, Measurer, Paid, Verdict, VerdictError, list,
+};
 use learner::targets;
 use learner::wish::{Wish, kinds};
 use shm_types::episode::{EpisodeHeader, TickRecord};
 use shm_types::measures::{Measure, Measures, MeasuresError};
 
 use crate::config::{Config, JudgeConfig};
+use crate::session_folder::SessionFolder;
+use program::Program;
 
+/// A judge that starts no program: for checks, studies and trials whose measures are stored.
 pub fn judge(config: &Config) -> Result<Judge> {
+    with_assessor(config, |judge| Ok(Box::new(NotHere(judge.declared()))))
+}
+
+/// The judge of a session at work. Its program, where it has one, starts with the first rollout to be judged.
+pub fn of_session(config: &Config, folder: &SessionFolder) -> Result<Judge> {
+    with_assessor(config, |judge| Ok(Box::new(Program::new(judge, folder)?)))
+}
+
+fn with_assessor(
+    config: &Config,
+    assessor: impl FnOnce(&JudgeConfig) -> Result<Box<dyn Assessor>>,
+) -> Result<Judge> {
     let task = config.task()?;
     let (measurer, compliance) = (measurer(config)?, &config.learner.compliance);
     let mut declared = measurer.declared();
     declared.extend(compliance.declared());
+    let program = config.task.judge.as_ref().filter(|judge| judge.has_program());
+    if let Some(program) = program {
+        declared.extend(program.declared());
+        check(&declared).context("task.judge.measures")?;
+    }
     targets::check(config.learner.search.targets(), &declared)?;
     Wish::parse_any(&config.learner.wish, &declared).context("learner.where")?;
     let judge = Judge::new(measurer, verdict(config, &declared)?).with_compliance(compliance);
+    let judge = judge.with_assessor(program.map(assessor).transpose()?);
     Ok(judge.with_prediction(task.predictor(config)?))
+}
+
+/// Names and units, as they will come.
+fn check(declared: &Declared) -> Result<(), MeasuresError> {
+    let zero = declared.iter().map(|(name, unit)| Measure { name, unit, value: 0.0 });
+    Measures::of(zero).map(|_| ())
+}
+
+/// Stands for a program where no rollout is to be judged.
+struct NotHere(Declared);
+
+impl Assessor for NotHere {
+    fn declared(&self) -> Declared {
+        self.0.clone()
+    }
+
+    fn identity(&self) -> Option<String> {
+        None
+    }
+
+    fn assess(
+        &self,
+        _: &EpisodeHeader,
+        _: &[TickRecord],
+        _: &Measures,
+    ) -> Result<Vec<f64>, AssessError> {
+        Err(AssessError::Broken("only a session starts the program of task.judge".into()))
+    }
 }
 
 /// What the task measures, and what only the plant can.
@@ -31,10 +89,7 @@ fn measurer(config: &Config) -> Result<Box<dyn Measurer>> {
     let of_plant =
         config.plant.measures.iter().map(|(n, unit)| (n.clone(), unit.clone())).collect();
     let both = WithPlant { measurer, of_plant };
-    // Names and units, as they will come.
-    let zero = both.declared();
-    let zero = zero.iter().map(|(name, unit)| Measure { name, unit, value: 0.0 });
-    Measures::of(zero).context("plant.measures")?;
+    check(&both.declared()).context("plant.measures")?;
     Ok(Box::new(both))
 }
 
@@ -93,26 +148,38 @@ struct Written {
     reward: Expression,
     /// Without one, only the reward tells good from bad.
     success: Option<Expression>,
+    /// Names of all measures, in the order of the expressions' values.
+    names: Vec<String>,
 }
 
 impl Written {
     fn parse(written: &JudgeConfig, declared: &Declared) -> Result<Written> {
         let names = kinds(declared);
-        let success = written
-            .success
-            .as_ref()
-            .map(|text| Expression::parse(text, &names, Kind::Truth).context("task.judge.success"));
+        let parse = |text: &str, kind| Expression::parse(text, &names, kind);
+        let success = written.success().map(|text| parse(text, Kind::Truth));
         Ok(Written {
-            reward: Expression::parse(&written.reward, &names, Kind::Number)
-                .context("task.judge.reward")?,
-            success: success.transpose()?,
+            success: success.transpose().context("task.judge.success")?,
+            reward: parse(written.reward(), Kind::Number).context("task.judge.reward")?,
+            names: declared.iter().map(|(name, _)| name.clone()).collect(),
         })
+    }
+
+    /// Values by name: a session of before may lack some of the measures.
+    fn values(&self, measures: &Measures) -> Result<Vec<f64>, VerdictError> {
+        let expressions = self.success.iter().chain([&self.reward]);
+        let mut occurring = expressions.flat_map(Expression::occurring);
+        if let Some(missing) = occurring.find(|name| measures.get(name).is_none()) {
+            return Err(VerdictError(format!(
+                "task.judge names {missing}, which this session does not measure"
+            )));
+        }
+        Ok(self.names.iter().map(|name| measures.get(name).unwrap_or(0.0)).collect())
     }
 }
 
 impl Verdict for Written {
     fn judge(&self, measures: &Measures) -> Result<(bool, f64), VerdictError> {
-        let values: Vec<f64> = measures.iter().map(|measure| measure.value).collect();
+        let values = self.values(measures)?;
         let named = |name: &str, error: &dyn std::fmt::Display| {
             VerdictError(format!("task.judge.{name}: {error}"))
         };
@@ -121,5 +188,27 @@ impl Verdict for Written {
             success.map_err(|error| named("success", &error))?.unwrap_or(false),
             self.reward.number(&values).map_err(|error| named("reward", &error))?,
         ))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use shm_types::measures::TRUTH;
+
+    /// A newer task may measure something between what the session knows.
+    #[test]
+    fn expressions_take_their_measures_by_name() {
+        let number = |name, value| Measure { name, unit: "m", value };
+        let caught = Measure { name: "caught", unit: TRUTH, value: 1.0 };
+        let all = Measures::of([number("new_m", 9.0), caught, number("apex_m", 0.5)]).unwrap();
+        let known = Measures::of([caught, number("apex_m", 0.5)]).unwrap();
+        let judge = |reward: &str, measures: &Measures| {
+            let judge = JudgeConfig::written(reward, "caught");
+            Written::parse(&judge, &all.declared()).unwrap().judge(measures)
+        };
+        assert_eq!(judge("2*apex_m", &all), Ok((true, 1.0)));
+        assert_eq!(judge("2*apex_m", &known), Ok((true, 1.0)));
+        assert!(judge("new_m", &known).unwrap_err().0.contains("names new_m"));
     }
 }

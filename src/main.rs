@@ -83,6 +83,7 @@ fn main() -> ExitCode {
         Verb::Config(args) => commands::config::run(args),
         Verb::Completions(args) => commands::shell::completions(args),
         Verb::Man(args) => commands::shell::man(args),
+        Verb::Child(args) => commands::child::run(args),
     };
     let is_service = matches!(cli.verb, Verb::Controller(_) | Verb::Learner(_));
     signals::let_it_end();

@@ -4,17 +4,23 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
 use learner::Learner;
+use learner::judge::Judge;
 use learner::replay::Told;
 
 use crate::config::Config;
 use crate::session_folder::SessionFolder;
-use crate::{judging, setup};
+use crate::setup;
 
 /// What takes longer is shown, every so often.
 const EVERY: Duration = Duration::from_secs(3);
 
-/// `say` hears how far a long session is.
-pub fn resume(folder: &SessionFolder, config: &Config, say: impl Fn(&str)) -> Result<Learner> {
+/// The session goes on with `judge`. `say` hears how far a long one is.
+pub fn resume(
+    folder: &SessionFolder,
+    config: &Config,
+    judge: Judge,
+    say: impl Fn(&str),
+) -> Result<Learner> {
     let demonstrations = setup::check(config)?;
     let mut said = Instant::now();
     let mut show = |told: Told| {
@@ -24,7 +30,6 @@ pub fn resume(folder: &SessionFolder, config: &Config, say: impl Fn(&str)) -> Re
         }
     };
     let (dir, task) = (folder.dir(), &config.task.name);
-    let judge = judging::judge(config)?;
     Learner::resume_showing(dir, task, &config.learner, &demonstrations, judge, &mut show)
         .with_context(|| format!("session {}", dir.display()))
 }

@@ -6,13 +6,14 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use rustix::fs::{FlockOperation, flock};
 
-use crate::config::{Config, PlantConfig, SESSION_FILE as CONFIG, TaskConfig};
+use crate::config::{Config, JudgeConfig, PlantConfig, SESSION_FILE as CONFIG, TaskConfig};
 use crate::setup;
 
 const DATABASE: &str = "session.db";
 const DEMONSTRATION: &str = "demonstration.csv";
 const ARM: &str = "arm.urdf";
 const TIMING: &str = "timing.json";
+const RECORDS: &str = "rollout.npy";
 const LOCK: &str = "session.lock";
 
 #[derive(Clone, Debug)]
@@ -88,6 +89,11 @@ impl SessionFolder {
         self.dir.join(TIMING)
     }
 
+    /// The records of the rollout that a judge's program was asked about last.
+    pub fn records(&self) -> PathBuf {
+        self.dir.join(RECORDS)
+    }
+
     pub fn report_dir(&self) -> PathBuf {
         self.dir.join("report")
     }
@@ -124,7 +130,7 @@ impl SessionFolder {
     }
 
     /// That the session stored here was made in the world that `config` describes: everything is
-    /// equal but the number of rollouts, the cell's name and the log.
+    /// equal but the number of rollouts, the cell's name, the log and the program of a judge.
     pub fn expect_same_world(&self, config: &Config) -> Result<()> {
         let stored = Config::load(Some(&self.config_path()))
             .context("written by another version, or edited: use that version or another --out")?;
@@ -133,7 +139,7 @@ impl SessionFolder {
         let changed = differing.map(|(ours, _)| ours.0);
         let changed = changed.or_else(|| {
             [
-                ("[task]", without_demonstration(config) != without_demonstration(&stored)),
+                ("[task]", settled_task(config) != settled_task(&stored)),
                 ("[controller]", config.controller != stored.controller),
                 ("[plant]", without_arm(config) != without_arm(&stored)),
             ]
@@ -190,9 +196,11 @@ fn other_texts(config: &Config) -> Result<String> {
     config.task.other_demonstrations.iter().map(|path| setup::text_of(Some(path), "")).collect()
 }
 
-fn without_demonstration(config: &Config) -> TaskConfig {
+/// Demonstrations are compared as texts; a judge's program may be repaired and move.
+fn settled_task(config: &Config) -> TaskConfig {
     let other_demonstrations = Vec::new();
-    TaskConfig { demonstration: None, other_demonstrations, ..config.task.clone() }
+    let judge = config.task.judge.as_ref().map(JudgeConfig::without_place);
+    TaskConfig { demonstration: None, other_demonstrations, judge, ..config.task.clone() }
 }
 
 fn without_arm(config: &Config) -> PlantConfig {

@@ -8,6 +8,7 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use physics::arm::urdf::{self, LoadedArm};
 use physics::arm::{ArmModel, JointVector, inverse_kinematics, kinematics};
 use rt_controller::admit::admission::records_needed;
+use rustix::process::Signal;
 use shm_types::episode::MAX_RECORDS;
 
 use crate::config::Config;
@@ -221,7 +222,15 @@ fn isometry(pose: &learner::trajectory::Pose) -> Isometry3<f64> {
 
 /// Asks the kernel to end this process when its parent, of process id `parent`, ends.
 pub fn end_with_parent(parent: u32) -> Result<()> {
-    let signal = rustix::process::Signal::TERM;
+    follow_parent(parent, Signal::TERM)
+}
+
+/// The same without a chance to do anything about it; it holds for the program that takes its place, too.
+pub fn die_with_parent(parent: u32) -> Result<()> {
+    follow_parent(parent, Signal::KILL)
+}
+
+fn follow_parent(parent: u32, signal: Signal) -> Result<()> {
     rustix::process::set_parent_process_death_signal(Some(signal))
         .context("asking to end with the parent process")?;
     // It may have ended before the kernel was asked.

@@ -5,7 +5,7 @@ use thiserror::Error;
 
 use crate::exploration::ExplorationError;
 use crate::expression::ParseError;
-use crate::judge::JudgeError;
+use crate::judge::{AssessError, JudgeError};
 use crate::parameters::ParameterError;
 use crate::store::StoreError;
 use search::range::ConfigError;
@@ -24,7 +24,7 @@ pub enum LearnerError {
     Exploration(#[from] ExplorationError),
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// The plant or the task is another one than this session's.
+    /// The plant or the task is another one than this session's, or its judge is broken.
     #[error(transparent)]
     Judge(JudgeError),
     /// No other rollout would fare better: the session cannot go on.
@@ -61,12 +61,32 @@ pub enum CompleteError {
     Swapped { rollout: u64 },
     #[error("rollout {rollout} was cut short by a fault of the machine")]
     MachineFault { rollout: u64 },
+    /// Hand the same episode in again: its judge takes its time.
+    #[error("rollout {rollout} is being judged")]
+    BeingJudged { rollout: u64 },
     #[error("rollout {rollout} was not judged: {error}")]
     NotJudged { rollout: u64, error: JudgeError },
     #[error(transparent)]
     Tell(TellError),
     #[error(transparent)]
     Learner(LearnerError),
+}
+
+impl CompleteError {
+    /// What becomes of a rollout that has no verdict.
+    pub(crate) fn not_judged(rollout: u64, error: JudgeError) -> CompleteError {
+        match error {
+            JudgeError::Assess(AssessError::NotYet) => CompleteError::BeingJudged { rollout },
+            // As anything else that the disk refuses: it is waited for.
+            JudgeError::Assess(AssessError::NotWritten { path, detail }) => {
+                CompleteError::Learner(StoreError::Disk { path, detail }.into())
+            }
+            JudgeError::OtherMeasures { .. } | JudgeError::Assess(AssessError::Broken(_)) => {
+                CompleteError::Learner(LearnerError::Judge(error))
+            }
+            error => CompleteError::NotJudged { rollout, error },
+        }
+    }
 }
 
 impl From<TellError> for CompleteError {

@@ -1,8 +1,11 @@
 //! The judge: from a finished rollout to what was measured of it, whether it succeeded, and its reward.
 //!
 //! It sits in the learner alone: the loop only knows when a rollout is over, and the controller hears
-//! of a success with the acknowledgement. What a rollout is measured by is the task's; what it is worth
-//! is a [`Verdict`] over these measures, and can be asked again at any time.
+//! of a success with the acknowledgement. What a rollout is measured by is the task's; a program of the
+//! user's may measure more, as an [`Assessor`]. What it is worth is a [`Verdict`] over all these measures,
+//! and can be asked again at any time.
+
+use std::path::PathBuf;
 
 use shm_types::episode::{EpisodeHeader, TickRecord};
 use shm_types::measures::{Measure, Measures, MeasuresError};
@@ -28,6 +31,42 @@ pub trait Measurer: Send {
     ) -> Result<Measures, MeasuresError>;
 }
 
+/// What measures a rollout beyond its task, in its own time: a program.
+pub trait Assessor: Send {
+    /// The same names in every rollout.
+    fn declared(&self) -> Declared;
+
+    /// Which one it is, in words; another one has other words. `None` where there is nothing to write down.
+    fn identity(&self) -> Option<String>;
+
+    /// Its measures, in the order of [`Assessor::declared`], of a checked episode of which `measures` are known.
+    /// It never takes longer than a moment: after [`AssessError::NotYet`] it is asked again, with the same
+    /// episode.
+    fn assess(
+        &self,
+        header: &EpisodeHeader,
+        records: &[TickRecord],
+        measures: &Measures,
+    ) -> Result<Vec<f64>, AssessError>;
+}
+
+/// Why an assessor has no measures of a rollout.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum AssessError {
+    /// It is still at work.
+    #[error("the judge is still at work")]
+    NotYet,
+    /// It cannot judge this rollout, and says why. The next one it may.
+    #[error("{0}")]
+    Declined(String),
+    /// The disk refuses what it is to read.
+    #[error("{path}: {detail}")]
+    NotWritten { path: PathBuf, detail: String },
+    /// It is broken: no other rollout would fare better.
+    #[error("{0}")]
+    Broken(String),
+}
+
 /// What measures are worth.
 pub trait Verdict: Send {
     /// Success, and a reward that is finite.
@@ -39,10 +78,11 @@ pub trait Verdict: Send {
 #[error("{0}")]
 pub struct VerdictError(pub String);
 
-/// Measures by the task, then judges.
+/// Measures by the task and by a program, where there is one, then judges.
 pub struct Judge {
     measurer: Box<dyn Measurer>,
     compliance: Option<ComplianceConfig>,
+    assessor: Option<Box<dyn Assessor>>,
     verdict: Box<dyn Verdict>,
     predictor: Option<Predictor>,
     /// Those of the measures that count, where not all do.
@@ -76,13 +116,16 @@ pub enum JudgeError {
     OtherMeasures { found: Declared, expected: Declared },
     #[error(transparent)]
     Measures(#[from] MeasuresError),
+    #[error(transparent)]
+    Assess(#[from] AssessError),
     #[error("no verdict: {error}")]
     Verdict { error: VerdictError, measures: Box<Measures> },
 }
 
 impl Judge {
     pub fn new(measurer: Box<dyn Measurer>, verdict: Box<dyn Verdict>) -> Judge {
-        Judge { measurer, compliance: None, verdict, predictor: None, kept: None }
+        let (compliance, assessor, predictor, kept) = (None, None, None, None);
+        Judge { measurer, compliance, assessor, verdict, predictor, kept }
     }
 
     /// Knows what the task can compute of its measures before a rollout.
@@ -106,6 +149,16 @@ impl Judge {
         Judge { compliance: Some(*config).filter(ComplianceConfig::pays), ..self }
     }
 
+    /// Measures by a program too, after everything else.
+    pub fn with_assessor(self, assessor: Option<Box<dyn Assessor>>) -> Judge {
+        Judge { assessor, ..self }
+    }
+
+    /// Which program judges; see [`Assessor::identity`].
+    pub fn identity(&self) -> Option<String> {
+        self.assessor.as_ref().and_then(|assessor| assessor.identity())
+    }
+
     /// Of a world that measures all there is.
     pub fn of_plant(measures: &[(&str, &str)], verdict: impl Verdict + 'static) -> Judge {
         let declared = measures.iter().map(|(name, unit)| (name.to_string(), unit.to_string()));
@@ -115,21 +168,67 @@ impl Judge {
     pub fn declared(&self) -> Declared {
         let mut declared = self.measurer.declared();
         declared.extend(self.compliance.and_then(|config| config.declared()));
+        declared.extend(self.assessed());
         self.kept.clone().unwrap_or(declared)
     }
 
-    /// Measures, success and reward of a checked episode of `policy`.
+    /// What the assessor measures.
+    fn assessed(&self) -> Declared {
+        self.assessor.as_ref().map_or(Vec::new(), |assessor| assessor.declared())
+    }
+
+    /// Measures, success and reward of a checked episode of `policy`. After [`AssessError::NotYet`] the same
+    /// episode is to be judged again.
     pub fn judge(
         &self,
         policy: &PolicyMsg,
         header: &EpisodeHeader,
         records: &[TickRecord],
     ) -> Result<(Measures, bool, f64), JudgeError> {
+        let mut measures = self.measured(policy, header, records)?;
+        if let Some(assessor) = &self.assessor {
+            let values = assessor.assess(header, records, &measures)?;
+            for ((name, unit), value) in self.assessed().iter().zip(values) {
+                measures.push(Measure { name, unit, value })?;
+            }
+        }
+        self.decide(measures)
+    }
+
+    /// The same of a trial that is executed again: what its assessor said is taken from what was `stored`.
+    pub fn judge_again(
+        &self,
+        policy: &PolicyMsg,
+        header: &EpisodeHeader,
+        records: &[TickRecord],
+        stored: &Measures,
+    ) -> Result<(Measures, bool, f64), JudgeError> {
+        let mut measures = self.measured(policy, header, records)?;
+        for (name, unit) in &self.assessed() {
+            if let Some(value) = stored.get(name) {
+                measures.push(Measure { name, unit, value })?;
+            }
+        }
+        self.decide(measures)
+    }
+
+    /// What is measured here.
+    fn measured(
+        &self,
+        policy: &PolicyMsg,
+        header: &EpisodeHeader,
+        records: &[TickRecord],
+    ) -> Result<Measures, MeasuresError> {
         let mut measures = self.measurer.measure(header, records)?;
         if let Some(config) = &self.compliance {
             let value = config.measure(policy);
             measures.push(Measure { name: compliance::MEASURE, unit: "1", value })?;
         }
+        Ok(measures)
+    }
+
+    /// What all of the measures are worth.
+    fn decide(&self, mut measures: Measures) -> Result<(Measures, bool, f64), JudgeError> {
         if let Some(kept) = &self.kept {
             let is_kept = |m: &Measure| kept.iter().any(|(name, _)| name == m.name);
             measures = Measures::of(measures.iter().filter(is_kept))?;
@@ -202,6 +301,53 @@ mod tests {
         // One that the task does not have is no session of it.
         let other = Measures::of([caught, number("miss_m")]).unwrap();
         assert_eq!(judge().keeping(&other.declared()).declared(), all.declared());
+    }
+
+    /// Measures a gap of the rollout's number in cm, when it is asked for the second time.
+    struct Slow(std::cell::Cell<bool>);
+
+    impl Assessor for Slow {
+        fn declared(&self) -> Declared {
+            vec![("gap_m".into(), "m".into())]
+        }
+
+        fn identity(&self) -> Option<String> {
+            None
+        }
+
+        fn assess(
+            &self,
+            header: &EpisodeHeader,
+            _: &[TickRecord],
+            measures: &Measures,
+        ) -> Result<Vec<f64>, AssessError> {
+            assert!(measures.has("caught"), "it is told what was measured before");
+            match self.0.replace(true) {
+                true => Ok(vec![0.01 * header.rollout as f64]),
+                false => Err(AssessError::NotYet),
+            }
+        }
+    }
+
+    #[test]
+    fn what_a_program_measures_comes_last_and_is_not_measured_again() {
+        let caught = Measures::of([Measure { name: "caught", unit: TRUTH, value: 1.0 }]).unwrap();
+        let judge = Judge::new(Box::new(PlantMeasures(caught.declared())), Box::new(Caught))
+            .with_assessor(Some(Box::new(Slow(false.into()))));
+        let header = EpisodeHeader { rollout: 3, measures: caught, ..EpisodeHeader::default() };
+        let policy = PolicyMsg::EMPTY;
+        let early = judge.judge(&policy, &header, &[]);
+        assert_eq!(early, Err(JudgeError::Assess(AssessError::NotYet)));
+        let (measures, success, reward) = judge.judge(&policy, &header, &[]).unwrap();
+        assert_eq!((measures.declared(), success, reward), (judge.declared(), true, 2.0));
+        assert_eq!(measures.iter().last().map(|gap| gap.value), Some(0.03));
+
+        // Executed again, it is the stored value that counts, and without one it is no trial of this session.
+        let header = EpisodeHeader { rollout: 4, ..header };
+        let again = judge.judge_again(&policy, &header, &[], &measures).unwrap();
+        assert_eq!(again, (measures, true, 2.0));
+        let nothing = judge.judge_again(&policy, &header, &[], &Measures::NONE);
+        assert!(matches!(nothing, Err(JudgeError::OtherMeasures { .. })), "{nothing:?}");
     }
 
     #[test]

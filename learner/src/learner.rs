@@ -11,6 +11,7 @@
 //! A trial and the proposal after it become durable in one transaction: a disk is waited for once a
 //! rollout.
 
+mod diary;
 mod unexecuted;
 
 use std::path::Path;
@@ -34,6 +35,7 @@ use crate::replay::{Replayed, Told, ask, replay, same_bits, told_anew};
 use crate::store::{Event, SessionMeta, Step, Store, TrialRecord};
 use crate::summary::{Summary, TrialReport};
 use crate::wish::{Telling, Wish, Wishes};
+pub use diary::judged_by;
 use search::trial::Proposal;
 use search::{AskTell, TellError};
 
@@ -85,6 +87,7 @@ impl Learner {
         let mut learner =
             Learner { config, problem, search, telling, wishes, judge, store, trials, pending };
         learner.follow_wish()?;
+        learner.follow_judge()?;
         Ok(learner)
     }
 
@@ -130,6 +133,7 @@ impl Learner {
         }
         let text = format!("after {} trials", learner.trials.len());
         learner.store.record_event("resumed", &text)?;
+        learner.follow_judge()?;
         Ok(learner)
     }
 
@@ -166,7 +170,8 @@ impl Learner {
     }
 
     /// Takes the episode of `policy`, the one [`Learner::next_policy`] returned: checks that it
-    /// executed just that, has it judged, stores it and tells the search.
+    /// executed just that, has it judged, stores it and tells the search. As long as its judge is at work
+    /// ([`CompleteError::BeingJudged`]), hand the same episode in again.
     pub fn complete(
         &mut self,
         policy: &PolicyMsg,
@@ -188,13 +193,9 @@ impl Learner {
         if let Some(reason) = not_executed(header.fault) {
             return Err(CompleteError::NotExecuted { rollout: header.rollout, reason });
         }
-        let (measures, success, reward) = match self.judge.judge(policy, header, records) {
-            Err(error @ JudgeError::OtherMeasures { .. }) => {
-                return Err(CompleteError::Learner(LearnerError::Judge(error)));
-            }
-            judged => judged
-                .map_err(|error| CompleteError::NotJudged { rollout: header.rollout, error })?,
-        };
+        let judged = self.judge.judge(policy, header, records);
+        let (measures, success, reward) =
+            judged.map_err(|error| CompleteError::not_judged(header.rollout, error))?;
         let trial = TrialRecord {
             rollout: header.rollout,
             theta: proposal.theta.clone(),

@@ -16,7 +16,7 @@ use shm_types::SCHEMA;
 use shm_types::episode::{Ack, EpisodeHeader, TickRecord};
 use shm_types::policy::PolicyMsg;
 use shm_types::ports::LearnerPorts;
-use shm_types::telemetry::{Heartbeat, WAITS_DISK, WAITS_NOT};
+use shm_types::telemetry::{Heartbeat, WAITS_DISK, WAITS_JUDGE, WAITS_NOT};
 
 use crate::error::{CompleteError, LearnerError};
 use crate::judge::JudgeError;
@@ -39,6 +39,8 @@ const SET_ASIDE: u32 = 3;
 const REFUSED: u64 = 20;
 /// Rollouts without a verdict in a row after which the session ends: nothing is learnt.
 const NOT_JUDGED: u64 = 20;
+/// A judge that takes longer is what the learner is said to wait for.
+const LONG: Duration = Duration::from_secs(1);
 /// A rollout that takes longer, Approach included, is asked for again.
 const ROLLOUT: Duration = Duration::from_secs(30);
 
@@ -57,10 +59,11 @@ pub fn run(
     Ok(end)
 }
 
+/// What became of an episode.
+type Completed = Result<TrialReport, CompleteError>;
+
 /// What ends the session, apart from what an episode may lack.
-fn sessions_end(
-    completed: Result<TrialReport, CompleteError>,
-) -> Result<Result<TrialReport, CompleteError>, LearnerError> {
+fn sessions_end(completed: Completed) -> Result<Completed, LearnerError> {
     match completed {
         Err(CompleteError::Learner(error)) => Err(error),
         completed => Ok(completed),
@@ -159,22 +162,20 @@ impl Link {
         let mut attempts = 0;
         loop {
             while let Ok(Some(episode)) = self.ports.episodes.receive() {
-                let completed = self.stored(stop, on_event, || {
-                    sessions_end(learner.complete(policy, episode.user_header(), episode.payload()))
-                })?;
+                let executed = (episode.user_header(), episode.payload());
+                let completed = self.completed(learner, policy, executed, stop, on_event)?;
                 let Some(completed) = completed else { return Ok(None) };
                 match completed {
                     Ok(report) => {
                         self.set_aside_in_a_row = 0;
-                        on_event(Event::executed(policy, episode.user_header(), episode.payload()));
+                        on_event(Event::executed(policy, executed.0, executed.1));
                         return Ok(Some(report));
                     }
                     Err(CompleteError::Refused { rollout, reason }) => {
                         return self.refused(learner, rollout, reason, stop, on_event);
                     }
                     Err(CompleteError::NotJudged { rollout, error }) => {
-                        let episode = (episode.user_header(), episode.payload());
-                        return self.not_judged(learner, rollout, episode, &error, stop, on_event);
+                        return self.not_judged(learner, rollout, executed, &error, stop, on_event);
                     }
                     // An operator's or the machine's doing, as often as it comes: no attempt of ours.
                     Err(
@@ -226,6 +227,34 @@ impl Link {
                 asked = Instant::now();
             }
             self.wait();
+        }
+    }
+
+    /// Has an episode judged, however long its judge takes, and stored; `None` when stopped. The controller
+    /// hears meanwhile that this learner lives.
+    fn completed(
+        &mut self,
+        learner: &mut Learner,
+        policy: &PolicyMsg,
+        (header, records): (&EpisodeHeader, &[TickRecord]),
+        stop: &AtomicBool,
+        on_event: &mut dyn FnMut(Event<'_>),
+    ) -> Result<Option<Completed>, SessionError> {
+        let since = Instant::now();
+        loop {
+            let complete = || sessions_end(learner.complete(policy, header, records));
+            match self.stored(stop, on_event, complete)? {
+                Some(Err(CompleteError::BeingJudged { .. })) => {}
+                completed => return Ok(completed),
+            }
+            if stop.load(Ordering::Relaxed) {
+                return Ok(None);
+            }
+            if since.elapsed() >= LONG {
+                self.waits = WAITS_JUDGE;
+            }
+            // Who restarted meanwhile gets the next policy.
+            self.look_around(on_event)?;
         }
     }
 

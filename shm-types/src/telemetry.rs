@@ -8,10 +8,11 @@ use crate::episode::TickRecord;
 /// Ticks in one telemetry sample.
 pub const TELEMETRY_TICKS: usize = 20;
 
-/// Values of [`Heartbeat::waits`]: for nothing that its controller does not know of, or for a disk that
-/// refuses what was learnt.
+/// Values of [`Heartbeat::waits`]: for nothing that its controller does not know of, for a disk that
+/// refuses what was learnt, or for a judge that takes its time.
 pub const WAITS_NOT: u64 = 0;
 pub const WAITS_DISK: u64 = 1;
+pub const WAITS_JUDGE: u64 = 2;
 
 message! {
     /// One tick as an observer sees it.

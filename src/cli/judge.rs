@@ -10,8 +10,8 @@ Example:
   skillet judge --again sessions/pancake-1 --config new.toml
 
 Judges every stored trial anew, by the judge of another configuration, from what was measured of it:
-task.judge there, or learner.reward. It says what would have been another success or another reward;
-the session stays as it is.")]
+task.judge there, or learner.reward. No program is started: what it said is among the measures. The
+output says what would have been another success or another reward; the session stays as it is.")]
 pub struct JudgeArgs {
     /// Session folder whose trials are judged once more
     #[arg(long, value_name = "SESSION")]

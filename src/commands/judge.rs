@@ -1,14 +1,15 @@
 //! `skillet judge`: stored trials, judged once more.
 
 use anyhow::{Result, bail};
-use learner::judge::Verdict as Judging;
+use learner::judge::{Verdict as Judging, list};
 use learner::store::TrialRecord;
 use serde_json::json;
 
 use super::report::open;
 use crate::Verdict;
 use crate::cli::judge::JudgeArgs;
-use crate::config::Config;
+use crate::config::judge::REWARD;
+use crate::config::{Config, JudgeConfig};
 use crate::judging;
 use crate::output::{print, print_json};
 use crate::session_folder::SessionFolder;
@@ -28,7 +29,17 @@ pub fn run(args: &JudgeArgs) -> Result<Verdict> {
             config.task.name
         );
     }
-    let judge = judging::verdict(&config, &store.meta().measures)?;
+    let measures = &store.meta().measures;
+    let has_program = config.task.judge.as_ref().is_some_and(JudgeConfig::has_program);
+    if has_program && !measures.iter().any(|(name, _)| name == REWARD) {
+        bail!(
+            "{}: task.judge.program is not asked about stored trials, and this session was judged by none: \
+             write task.judge.reward over what was measured ({})",
+            args.config.display(),
+            list(measures)
+        );
+    }
+    let judge = judging::verdict(&config, measures)?;
     let trials = store.trials()?;
     let measured = trials.iter().filter(|trial| !trial.measures.is_empty());
     let judged: Vec<Again> = measured.map(|trial| Again::of(trial, judge.as_ref())).collect();
@@ -95,7 +106,10 @@ fn text(judged: &[Again], not_measured: usize) -> String {
         judged.len()
     );
     if not_measured > 0 {
-        text += &format!("{not_measured} trials were not executed, so there is nothing to judge\n");
+        text += &format!(
+            "{not_measured} trials have no measures, so there is nothing to judge: they were not executed, or \
+             their judge declined\n"
+        );
     }
     let best = |verdict: &dyn Fn(&Again) -> Option<(bool, f64)>| {
         let rewards =

@@ -8,6 +8,8 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
+use learner::compliance::ComplianceConfig;
+use learner::learner::judged_by as judged_by_so_far;
 use learner::store::Store;
 use learner::summary::Summary as Achievement;
 use rt_controller::fault::Fault;
@@ -21,7 +23,9 @@ use crate::Verdict;
 use crate::children::Service;
 use crate::cli::LearnArgs;
 use crate::config::Config;
+use crate::config::judge::absolute;
 use crate::config::plant::PlantKind;
+use crate::judging::command;
 use crate::output::{print, print_json};
 use crate::progress::{Progress, TrialLine};
 use crate::robots::Robot;
@@ -103,6 +107,9 @@ fn prepare(args: &LearnArgs) -> Result<(SessionFolder, Config)> {
         (config.plant.kind, config.plant.program) =
             (PlantKind::External, external::words(command)?);
     }
+    if let Some(command) = &args.judge {
+        judged_by(&mut config, command)?;
+    }
     if let Some(target) = args.target {
         if !config.task()?.has_target {
             bail!("the task {} has no target to choose; leave --target out", args.task);
@@ -117,15 +124,45 @@ fn prepare(args: &LearnArgs) -> Result<(SessionFolder, Config)> {
     setup::arm_notes(&config)?.iter().for_each(|note| say(&format!("warning: {note}")));
     setup::check(&config)?;
     judging::judge(&config)?;
+    config.task.judge.as_ref().map_or(Ok(()), command::check)?;
     if Store::exists(&folder.database()) {
         let session = || format!("session {}", folder.dir().display());
         let _lock = folder.lock()?;
         let store = Store::resume(&folder.database()).with_context(session)?;
         store.expect_task(&args.task).with_context(session)?;
         config.learner.check_resumes(&store.meta().learner).with_context(session)?;
+        note_other_judge(&store, &config).with_context(session)?;
     }
     folder.write(&config)?;
     Ok((folder, Config::load(Some(&stored))?))
+}
+
+/// Has the program of `command` judge.
+fn judged_by(config: &mut Config, command: &str) -> Result<()> {
+    let words = command::words(command)?;
+    let usual = Config::of_options(&config.task.name, config.task.options.clone());
+    let judge = config.task.judge.get_or_insert_default();
+    if !judge.has_program() && config.learner.compliance == usual.learner.compliance {
+        // As with every reward of one's own.
+        config.learner.compliance = ComplianceConfig::off();
+    }
+    judge.run(words, absolute(Path::new("")));
+    Ok(())
+}
+
+/// Says that a session goes on with another judge than before. Its diary will say so, too.
+fn note_other_judge(store: &Store, config: &Config) -> Result<()> {
+    let Some(judge) = config.task.judge.as_ref().filter(|judge| judge.has_program()) else {
+        return Ok(());
+    };
+    let now = command::identity(&judge.program, &command::folder(judge));
+    if let Some(before) = judged_by_so_far(store)?.filter(|before| *before != now) {
+        let n = store.trial_count()?;
+        say(&format!(
+            "warning: the judge has changed after rollout {n}: it was {before}, from now on it is {now}"
+        ));
+    }
+    Ok(())
 }
 
 /// What the services did.

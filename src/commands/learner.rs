@@ -19,6 +19,7 @@ use shm_types::service_manager::{Notice, notify};
 use crate::Verdict;
 use crate::cli::{LearnerArgs, PaceArg};
 use crate::config::Config;
+use crate::judging::command;
 use crate::progress::TrialLine;
 use crate::record::file::recover_left;
 use crate::record::recorder::Limits;
@@ -52,6 +53,7 @@ pub fn run(args: &LearnerArgs) -> Result<Verdict> {
         folder.write(&config)?;
     }
     let config = Config::load(Some(&folder.config_path()))?;
+    config.task.judge.as_ref().map_or(Ok(()), command::check)?;
     if args.pace != PaceArg::Max {
         leave_core(loop_core(config.controller.cpu)); // before a thread starts
     }
@@ -143,7 +145,7 @@ fn write_down(event: &Event<'_>, recording: &mut Option<SessionRecorder>) {
 
 fn open(folder: &SessionFolder, config: &Config) -> Result<Learner> {
     if Store::exists(&folder.database()) {
-        return resume(folder, config, |text| {
+        return resume(folder, config, judging::of_session(config, folder)?, |text| {
             tracing::info!("{text}");
             // However long it takes, it is no start that hangs.
             notify(&[Notice::ExtendTimeout(START_MORE), Notice::Status(text)]);
@@ -158,7 +160,8 @@ fn open(folder: &SessionFolder, config: &Config) -> Result<Learner> {
         measures: Vec::new(), // the judge's
         learner: config.learner.clone(),
     };
-    Learner::create(folder.dir(), meta, &demonstrations, judging::judge(config)?)
+    let judge = judging::of_session(config, folder)?;
+    Learner::create(folder.dir(), meta, &demonstrations, judge)
         .with_context(|| format!("session {}", folder.dir().display()))
 }
 

@@ -14,6 +14,7 @@ use shm_types::policy::PolicyMsg;
 use crate::Verdict;
 use crate::cli::PreferArg;
 use crate::config::Config;
+use crate::judging;
 use crate::output::{print, print_json};
 use crate::report::ModeRow;
 use crate::resume::resume;
@@ -43,7 +44,9 @@ impl Found {
         if !store.has_current_modes().with_context(name)? {
             // Its learner was killed: what it had found follows from the trials.
             drop(store);
-            resume(&folder, &config, say)?.modes().with_context(name)?;
+            // Nothing is judged.
+            let judge = judging::judge(&config)?;
+            resume(&folder, &config, judge, say)?.modes().with_context(name)?;
             store = Store::resume(&folder.database()).with_context(name)?;
         }
         let modes = with_policies(&store).with_context(name)?;

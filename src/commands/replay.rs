@@ -120,7 +120,8 @@ impl Again<'_> {
             format!("the store lacks policy {} of trial {}", trial.policy_id, trial.rollout)
         })?;
         let (header, records) = (self.execute)(&policy)?;
-        let (measures, success, reward) = self.judge.judge(&policy, &header, &records)?;
+        let judged = self.judge.judge_again(&policy, &header, &records, &trial.measures);
+        let (measures, success, reward) = judged?;
         let (fault, period_ns) = (header.fault, header.period_ns);
         Ok(Replayed { policy, measures, success, reward, fault, records, period_ns })
     }

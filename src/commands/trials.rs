@@ -51,12 +51,17 @@ fn row(trial: &TrialRecord, measures: &Declared, units: &[&str]) -> Row {
     ]
     .map(|(name, value)| (name.to_string(), value))
     .into();
-    row.extend(measures.iter().map(|(name, unit)| {
-        match (trial.measures.get(name), unit.as_str()) {
-            (Some(value), TRUTH) => (name.clone(), json!(value != 0.0)),
-            (value, _) => (name.clone(), json!(value)),
-        }
-    }));
+    // Two columns of one name are one too many: a judge's program measures `reward` and `success`.
+    let is_taken = |name: &str| row.iter().any(|(column, _)| column == name);
+    let column = |name: &str| if is_taken(name) { format!("judge_{name}") } else { name.into() };
+    let measured: Row = measures
+        .iter()
+        .map(|(name, unit)| match (trial.measures.get(name), unit.as_str()) {
+            (Some(value), TRUTH) => (column(name), json!(value != 0.0)),
+            (value, _) => (column(name), json!(value)),
+        })
+        .collect();
+    row.extend(measured);
     row.extend(trial.theta.iter().enumerate().map(|(i, value)| {
         let unit = units.get(i).unwrap_or(&"");
         (format!("theta_{}{unit}", i + 1), json!(value))

@@ -38,6 +38,61 @@ fn ranges_name_the_field() {
     assert!(message.contains("plant.friction is -0.1"), "{message}");
 }
 
+fn of_text(text: &str) -> Result<Config> {
+    let folder = tempfile::TempDir::new().unwrap();
+    let path = folder.path().join("my.toml");
+    std::fs::write(&path, text).unwrap();
+    let defaults: Defaults = |name, _| {
+        let mut config = Config::default();
+        config.task.name = name.into();
+        config.task.judge = Some(JudgeConfig::written("exp(-miss_m)", "miss_m < 0.05"));
+        config
+    };
+    let config = Config::read(&path, defaults)?;
+    config.validate_settings()?;
+    Ok(config)
+}
+
+/// What a task writes itself is kept beside expressions, and gives way to a program.
+#[test]
+fn a_program_takes_the_place_of_what_its_task_writes() {
+    let written = of_text("[task.judge]\nsuccess = \"miss_m < 0.1\"\n").unwrap();
+    assert_eq!(written.task.judge.unwrap().reward(), "exp(-miss_m)");
+    let text = "[task.judge]\nprogram = [\"python3\", \"a.py\"]\nmeasures = { gap_m = \"m\" }\n";
+    let mut judge = of_text(text).unwrap().task.judge.unwrap();
+    assert_eq!((judge.reward(), judge.success()), ("reward", Some("success")));
+    let names: Vec<String> = judge.declared().into_iter().map(|(name, _)| name).collect();
+    assert_eq!(names, ["reward", "success", "gap_m"]);
+    assert!(judge.directory.as_ref().unwrap().is_absolute());
+    let before = judge.clone();
+    judge.run(vec!["./b".into()], "/elsewhere".into());
+    assert_eq!(judge.measures, before.measures);
+    assert_eq!(judge.without_place(), before.without_place());
+    // Words of before are another judge than any program.
+    let mut written = JudgeConfig::written("1", "true");
+    written.run(vec!["./b".into()], "/elsewhere".into());
+    assert_eq!(written.reward(), "reward");
+}
+
+#[test]
+fn a_judge_that_cannot_be_names_its_field() {
+    for (text, word) in [
+        ("timeout_s = 0.0\nprogram = [\"a\"]", "task.judge.timeout_s is 0"),
+        ("timeout_s = nan\nprogram = [\"a\"]", "task.judge.timeout_s is NaN"),
+        ("timeout_s = inf\nprogram = [\"a\"]", "task.judge.timeout_s is inf"),
+        ("program = [\"\"]", "an empty word"),
+        ("reward = \"1\"\nmeasures = { a = \"m\" }", "task.judge.program"),
+        ("reword = \"1\"", "reword"),
+    ] {
+        let message = format!("{:#}", of_text(&format!("[task.judge]\n{text}\n")).unwrap_err());
+        assert!(message.contains(word), "{text}: {message}");
+    }
+    let mut config = Config::default();
+    config.task.judge = Some(JudgeConfig { reward: None, ..JudgeConfig::written("1", "true") });
+    let message = format!("{:#}", config.validate_settings().unwrap_err());
+    assert!(message.contains("task.judge.reward is missing"), "{message}");
+}
+
 #[test]
 fn nothing_but_loopback_is_listened_on() {
     for good in ["127.0.0.1:9464", "[::1]:0"] {

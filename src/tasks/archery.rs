@@ -87,8 +87,7 @@ impl ActionWorld for Archery {
 
 /// Found on seeds 1 to 20.
 fn configure(config: &mut Config) {
-    config.task.judge =
-        Some(JudgeConfig { success: Some("miss_m < 0.05".into()), reward: "exp(-miss_m)".into() });
+    config.task.judge = Some(JudgeConfig::written("exp(-miss_m)", "miss_m < 0.05"));
     let learner = &mut config.learner;
     learner.rollouts = 60;
     learner.action.start = START.to_vec();

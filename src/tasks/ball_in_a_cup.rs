@@ -50,10 +50,8 @@ fn configure(config: &mut Config) {
     // The arm's model does not know of the ball, whose weight a soft wrist would follow.
     (config.controller.posture_stiffness, config.controller.posture_damping) = (400.0, 40.0);
     // The reward of Kober and Peters is the first term; the second tells which way leads to it.
-    config.task.judge = Some(JudgeConfig {
-        success: Some("caught".into()),
-        reward: "exp(-100*miss_m^2) + exp(-miss_m/0.2) + if(caught, 1, 0)".into(),
-    });
+    let reward = "exp(-100*miss_m^2) + exp(-miss_m/0.2) + if(caught, 1, 0)";
+    config.task.judge = Some(JudgeConfig::written(reward, "caught"));
     // Found on seeds 1 to 40. A swing bears smaller changes than a toss; wide ones find catches that are
     // far apart, and between them there is none.
     let learner = &mut config.learner;

@@ -73,9 +73,7 @@ impl Config {
     pub fn success(&self) -> Result<Option<&'static str>> {
         let usual = Config::of_options(&self.task.name, self.task.options.clone()).task.judge;
         Ok(match &self.task.judge {
-            Some(judge) if Some(judge) != usual.as_ref() => {
-                judge.success.as_ref().map(|_| "success")
-            }
+            Some(judge) if Some(judge) != usual.as_ref() => judge.success().map(|_| "success"),
             _ => self.task()?.success,
         })
     }

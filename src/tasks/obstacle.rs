@@ -155,10 +155,8 @@ fn configure(config: &mut Config) {
     let numbers = Form::of(config).numbers();
     let part = |x: f64, stiffness: f64| [vec![x, 0.0], vec![stiffness; numbers]].concat();
     let unit = [vec![1.0; 2], vec![6.0; numbers]].concat();
-    config.task.judge = Some(JudgeConfig {
-        success: Some("not collided and goal_m < 0.03".into()),
-        reward: "0.5*tracking + 0.5*exp(-goal_m/0.6)".into(),
-    });
+    let reward = "0.5*tracking + 0.5*exp(-goal_m/0.6)";
+    config.task.judge = Some(JudgeConfig::written(reward, "not collided and goal_m < 0.03"));
     let learner = &mut config.learner;
     learner.rollouts = 100;
     learner.action.start = [part(START.x * (1.0 - FIRST), 0.0), part(0.0, 0.0)].concat();

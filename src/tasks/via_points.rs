@@ -117,11 +117,9 @@ impl ActionWorld for ViaPoints {
 
 /// Found on seeds 1 to 40. What is known of the ways is the box and that the straight line lies among them.
 fn configure(config: &mut Config) {
-    config.task.judge = Some(JudgeConfig {
-        success: Some("miss_m < 0.05".into()),
-        // Eq. (9) of the paper.
-        reward: "(exp(-20*miss_1_m^2) + exp(-20*miss_2_m^2) + exp(-20*miss_3_m^2)) / 3".into(),
-    });
+    // Eq. (9) of the paper.
+    let reward = "(exp(-20*miss_1_m^2) + exp(-20*miss_2_m^2) + exp(-20*miss_3_m^2)) / 3";
+    config.task.judge = Some(JudgeConfig::written(reward, "miss_m < 0.05"));
     let learner = &mut config.learner;
     learner.rollouts = 300;
     learner.action.start = START.to_vec();

@@ -90,8 +90,8 @@ pub enum SessionError {
     Unusable { rollouts: u32, last: u64, reason: String },
     #[error(
         "{rollouts} rollouts in a row, up to {last}, were executed but not judged; the last one: \
-         {reason}; everything is saved; fix the judge and start another session, or see \
-         `skillet judge --again`"
+         {reason}; everything is saved; fix the judge and start another session, or resume if it is a \
+         program, or see `skillet judge --again`"
     )]
     NoneJudged { rollouts: u64, last: u64, reason: String },
     #[error(

@@ -1,0 +1,137 @@
+//! The table `[task.judge]`: what a rollout is worth, by expressions over its measures, by a program, or both.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Result, bail};
+use serde::{Deserialize, Serialize};
+use shm_types::measures::TRUTH;
+
+/// Measures that every program answers.
+pub const REWARD: &str = "reward";
+pub const SUCCESS: &str = "success";
+/// Time-outs, s.
+const MIN_TIMEOUT_S: f64 = 0.001;
+const MAX_TIMEOUT_S: f64 = 86_400.0;
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct JudgeConfig {
+    /// `1.5*min(apex_m, 0.55) + flip_angle_rad/pi`; with a program, the measure `reward` when absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reward: Option<String>,
+    /// `caught and flip_angle_rad > 2.5`; with a program, the measure `success` when absent. Without either,
+    /// only the reward tells good from bad.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub success: Option<String>,
+    /// Program and arguments: a child process of the learner, asked about every rollout.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub program: Vec<String>,
+    /// Working folder of the program; that of the configuration file, or of `--judge`, when absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub directory: Option<PathBuf>,
+    /// Longest time for an answer of the program, s; the first one includes its start.
+    #[serde(skip_serializing_if = "is_usual_timeout")]
+    pub timeout_s: f64,
+    /// What the program measures beside reward and success: names with their units, as `gap_m = "m"`.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub measures: BTreeMap<String, String>,
+}
+
+impl Default for JudgeConfig {
+    fn default() -> Self {
+        JudgeConfig {
+            reward: None,
+            success: None,
+            program: Vec::new(),
+            directory: None,
+            timeout_s: 10.0,
+            measures: BTreeMap::new(),
+        }
+    }
+}
+
+/// `path` from any folder: a process in another one starts the program.
+pub fn absolute(path: &Path) -> PathBuf {
+    let here = std::env::current_dir().unwrap_or_default();
+    // Without empty parts and dots.
+    here.join(path).components().collect()
+}
+
+fn is_usual_timeout(timeout_s: &f64) -> bool {
+    *timeout_s == JudgeConfig::default().timeout_s
+}
+
+impl JudgeConfig {
+    /// By expressions alone.
+    pub fn written(reward: &str, success: &str) -> JudgeConfig {
+        JudgeConfig {
+            reward: Some(reward.into()),
+            success: Some(success.into()),
+            ..JudgeConfig::default()
+        }
+    }
+
+    pub fn has_program(&self) -> bool {
+        !self.program.is_empty()
+    }
+
+    /// The reward as an expression.
+    pub fn reward(&self) -> &str {
+        self.reward.as_deref().unwrap_or(REWARD)
+    }
+
+    /// The success as an expression, where there is one.
+    pub fn success(&self) -> Option<&str> {
+        self.success.as_deref().or(self.has_program().then_some(SUCCESS))
+    }
+
+    /// Names and units of what the program measures, in the order of its values; nothing without one.
+    pub fn declared(&self) -> Vec<(String, String)> {
+        if !self.has_program() {
+            return Vec::new();
+        }
+        let all: [(String, String); 2] =
+            [(REWARD.into(), "1".into()), (SUCCESS.into(), TRUTH.into())];
+        all.into_iter().chain(self.measures.clone()).collect()
+    }
+
+    /// Another program. Where there was none, its reward and its success take the place of what was written.
+    pub fn run(&mut self, program: Vec<String>, directory: PathBuf) {
+        if !self.has_program() {
+            *self = JudgeConfig::default();
+        }
+        (self.program, self.directory) = (program, Some(directory));
+    }
+
+    /// What must stay in a session: a program may be repaired, moved and given more time.
+    pub fn without_place(&self) -> JudgeConfig {
+        let program = self.program.iter().take(1).map(|_| String::new()).collect();
+        let timeout_s = JudgeConfig::default().timeout_s;
+        JudgeConfig { program, directory: None, timeout_s, ..self.clone() }
+    }
+
+    pub(super) fn validate(&self) -> Result<()> {
+        if !self.has_program() && !self.measures.is_empty() {
+            bail!("task.judge.measures are those of a program: name it in task.judge.program");
+        }
+        if !self.has_program() && self.reward.is_none() {
+            bail!(
+                "task.judge.reward is missing: write an expression over the measures, or name a program in \
+                 task.judge.program"
+            );
+        }
+        if self.program.first().is_some_and(String::is_empty) {
+            bail!(
+                "task.judge.program begins with an empty word: use [\"python3\", \"my_task.py\"]"
+            );
+        }
+        if !(MIN_TIMEOUT_S..=MAX_TIMEOUT_S).contains(&self.timeout_s) {
+            bail!(
+                "task.judge.timeout_s is {}: use a value within {MIN_TIMEOUT_S}..={MAX_TIMEOUT_S}",
+                self.timeout_s
+            );
+        }
+        Ok(())
+    }
+}
