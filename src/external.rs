@@ -20,7 +20,7 @@ use crate::children::Service;
 use crate::config::Config;
 use crate::setup;
 
-/// The variable with the table `[plant]`.
+/// The variable with the table `[plant]` and `learner.seed`, as `seed`.
 const SETTINGS: &str = "SKILLET_PLANT_SETTINGS";
 /// How long a program may take until it has connected.
 const TO_COME: Duration = Duration::from_secs(60);
@@ -56,10 +56,12 @@ pub fn words(command: &str) -> Result<Vec<String>> {
     Ok(words)
 }
 
-/// What a plant that is started here is told: where its controller is, and the table `[plant]` as JSON.
+/// What a plant that is started here is told: where its controller is, and the table `[plant]` with the session's seed, as JSON.
 pub fn environment(config: &Config, socket: &Path) -> Result<[(&'static str, OsString); 2]> {
-    let settings = serde_json::to_string(&config.plant).context("[plant] as JSON")?;
-    Ok([(socket::PLANT_VARIABLE, socket.into()), (SETTINGS, settings.into())])
+    let mut settings = serde_json::to_value(&config.plant).context("[plant] as JSON")?;
+    // For a world that varies from rollout to rollout.
+    settings["seed"] = config.learner.seed.into();
+    Ok([(socket::PLANT_VARIABLE, socket.into()), (SETTINGS, settings.to_string().into())])
 }
 
 /// The program of a configuration's external plant, for a rollout at a time.

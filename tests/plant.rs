@@ -33,14 +33,15 @@ fn our_simulation_in_another_process_leads_to_the_same_trials_bit_for_bit() {
     let bench = Bench::new();
     let learn = ["learn", "pancake", "--seed", "2", "--rollouts", "12", "--out"];
     bench.ok(&[&learn[..], &["inside"]].concat());
-    let serve = serve();
-    bench.ok(&[&learn[..], &["outside", "--plant-program", &serve]].concat());
-    let (inside, outside) = (bench.trials("inside"), bench.trials("outside"));
+    let inside = bench.trials("inside");
     assert_eq!(inside.len(), 12);
-    assert_eq!(bits(&inside), bits(&outside));
-    // Nothing is left: no process, no shared memory of theirs.
-    let log = std::fs::read_to_string(bench.path("outside/plant.log")).unwrap();
-    assert!(log.contains("the controller is there"), "{log}");
+    for (session, serve) in [("socket", serve()), ("shared", format!("{} --poll", serve()))] {
+        bench.ok(&[&learn[..], &[session, "--plant-program", &serve]].concat());
+        assert_eq!(bits(&inside), bits(&bench.trials(session)), "{session}");
+        // Nothing is left: no process, no shared memory of theirs.
+        let log = std::fs::read_to_string(bench.path(session).join("plant.log")).unwrap();
+        assert!(log.contains("the controller is there"), "{log}");
+    }
 }
 
 /// Latched, held and refused a re-arm while it is gone; then the session goes on as if nothing had been.
@@ -50,7 +51,8 @@ fn a_plant_that_is_killed_latches_and_the_next_one_goes_on_after_a_rearm() {
     let config = bench.write("c.toml", "[learner]\nrollouts = 16\nseed = 3\n");
     let config = config.to_str().unwrap();
     let _controller = bench.start(&CONTROLLER);
-    let mut plant = bench.start(&PLANT);
+    let polling = [&PLANT[..], &["--poll"]].concat();
+    let mut plant = bench.start(&polling);
     let learner = bench.start(&["learner", "--cell", "c1", "--session", "s", "--config", config]);
     for n in [4, 9] {
         bench.wait_for_trials("s", n);
@@ -63,7 +65,7 @@ fn a_plant_that_is_killed_latches_and_the_next_one_goes_on_after_a_rearm() {
         assert!(fault.contains("stale"), "{fault}");
         let early = bench.run(&["rearm", "--cell", "c1"]);
         assert_eq!(early.status.code(), Some(2), "there is no plant: {}", stderr(&early));
-        plant = bench.start(&PLANT);
+        plant = bench.start(if n == 4 { &PLANT } else { &polling });
         eventually("a re-arm", || {
             bench.run(&["rearm", "--cell", "c1"]).status.success().then_some(())
         });
@@ -238,17 +240,17 @@ fn a_trial_of_an_external_plant_is_replayed_in_it() {
 }
 
 /// The pancake's world in this process, which tells of each episode what nobody else can measure.
-fn serve_and_tell(socket: &Path) {
+fn serve_and_tell(socket: &Path, polls: bool) {
     let urdf = include_str!("../robots/wam7/wam7_pan.urdf");
     let model = ArmModel::from_urdf(urdf, "pan").unwrap();
     let mut world = PancakePlant::new(&model, &WAM7_START_POSTURE, &PancakeConfig::default());
     let description = Description {
         has_object: true,
+        polls,
         q: WAM7_START_POSTURE.into(),
         ..Description::simulated(0.001)
     };
     let mut line = skillet_plant::Plant::connect(socket, &description).unwrap();
-    let force = [Measure { name: "contact_force_n", unit: "N", value: 1.5 }];
     loop {
         let Measurement { q, qd, object, .. } = world.measure();
         let [i, j, k, w] = object.R_WO.coords.into();
@@ -267,7 +269,10 @@ fn serve_and_tell(socket: &Path) {
             Ok(Answer::Reset(_)) => {
                 world.begin_reset();
                 line.has_reset();
-                line.tell(&Measures::of(force).unwrap()).unwrap();
+                // A world that varies would draw by it.
+                let value = line.rollout() as f64;
+                let force = Measure { name: "contact_force_n", unit: "N", value };
+                line.tell(&Measures::of([force]).unwrap()).unwrap();
             }
             _ => return,
         }
@@ -285,15 +290,18 @@ fn what_only_the_plant_can_measure_joins_the_measures() {
     );
     let config = bench.write("c.toml", &settings);
     let config = config.to_str().unwrap();
-    let controller =
-        bench.start(&["controller", "--cell", "c1", "--pace", "max", "--config", config]);
-    let plant = std::thread::spawn(move || serve_and_tell(&socket));
-    bench.ok(&["learner", "--cell", "c1", "--session", "s", "--config", config]);
-    let trials = bench.trials("s");
-    let forces: Vec<_> = trials.iter().map(|t| t.measures.get("contact_force_n")).collect();
-    assert_eq!(forces, [Some(1.5); 3]);
-    assert!(trials.iter().all(|trial| trial.measures.get("apex_m").is_some()));
-    controller.signal("TERM");
-    controller.wait();
-    plant.join().unwrap();
+    for (session, polls) in [("socket", false), ("shared", true)] {
+        let controller =
+            bench.start(&["controller", "--cell", "c1", "--pace", "max", "--config", config]);
+        let there = socket.clone();
+        let plant = std::thread::spawn(move || serve_and_tell(&there, polls));
+        bench.ok(&["learner", "--cell", "c1", "--session", session, "--config", config]);
+        let trials = bench.trials(session);
+        let forces: Vec<_> = trials.iter().map(|t| t.measures.get("contact_force_n")).collect();
+        assert_eq!(forces, [Some(1.0), Some(2.0), Some(3.0)], "{session}");
+        assert!(trials.iter().all(|trial| trial.measures.get("apex_m").is_some()));
+        controller.signal("TERM");
+        controller.wait();
+        plant.join().unwrap();
+    }
 }

@@ -58,8 +58,8 @@ _HELLO = struct.Struct("<QQ32sQQQ32s224s7d7d")
 _WELCOME = struct.Struct("<5Q320s")
 _STATE = struct.Struct("<7Q7d7d7d3d4d8d")
 _STATE_HEAD = struct.Struct("<7Q")
-_COMMAND = struct.Struct("<6Q7d")
-_COMMAND_HEAD = struct.Struct("<6Q")
+_COMMAND = struct.Struct("<7Q7d")
+_COMMAND_HEAD = struct.Struct("<7Q")
 _OUTCOME_HEAD = struct.Struct("<3Q")
 _POSITION, _QUATERNION = struct.Struct("<3d"), struct.Struct("<4d")
 _HELLO_KIND, _WELCOME_KIND, _STATE_KIND, _COMMAND_KIND, _OUTCOME_KIND = 1, 2, 3, 4, 5
@@ -85,6 +85,8 @@ class Command(NamedTuple):
     answers_seq: int
     n_lost: int
     """Samples the controller has missed so far."""
+    rollout: int
+    """The session's number of the rollout: a world that varies draws by it."""
 
     @property
     def hold(self) -> bool:
@@ -239,7 +241,7 @@ class Plant:
         self.n_unanswered += 1
         if self._last and self._misses <= MAX_REPEATS and _is_valid(self._last, t_ns):
             return self._last
-        return Command(_HOLD, self.episode, None, 0, self._seq, 0)
+        return Command(_HOLD, self.episode, None, 0, self._seq, 0, 0)
 
     def reset_done(self):
         """A real plant's world is ready: the samples from now on belong to the new episode."""
@@ -352,14 +354,14 @@ class Plant:
 
     def _command(self):
         """The Command received last."""
-        _, answers_seq, episode, mode, expires_ns, n_lost = _COMMAND_HEAD.unpack_from(self._rx)
+        _, answers_seq, episode, rollout, mode, expires_ns, n_lost = _COMMAND_HEAD.unpack_from(self._rx)
         tau = None
         if mode in (_TRACK, _RESET):
             tau = (list(self._joints.unpack_from(self._rx, _COMMAND_HEAD.size))
                    if self._tau is None else self._tau.copy())
         elif mode not in (_HOLD, _STOP):
             raise PlantError(f"the controller sent a command of mode {mode}, which does not exist")
-        return Command(mode, episode, tau, expires_ns, answers_seq, n_lost)
+        return Command(mode, episode, tau, expires_ns, answers_seq, n_lost, rollout)
 
     def _newest(self, t_ns, timeout):
         """The newest valid command that arrives within `timeout`, or None."""

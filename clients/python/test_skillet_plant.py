@@ -48,7 +48,7 @@ class FakeController:
 
     def command(self, seq, mode=TRACK, episode=0, tau=(4.0, 5.0, 6.0), expires_ns=FOREVER):
         tau = list(tau) + [0.0] * (7 - len(tau))
-        self.line.send(struct.pack("<6Q7d", 4, seq, episode, mode, expires_ns, 0, *tau))
+        self.line.send(struct.pack("<7Q7d", 4, seq, episode, episode, mode, expires_ns, 0, *tau))
 
     def receive(self):
         return self.line.recv(4096)

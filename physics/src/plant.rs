@@ -78,6 +78,8 @@ pub trait Plant: Send {
     /// [`begin_reset`](Plant::begin_reset) makes another world. A real arm's time passes by itself, a reset
     /// leaves it where it is, and nothing may be tried out on it.
     fn is_simulated(&self) -> bool;
+    /// Of the session, the rollout that the next reset is for: a world that varies does so by this number.
+    fn announce(&mut self, _rollout: u64) {}
     /// Begins to put the world back to its start: a simulator builds a fresh one, in which the arm
     /// rests at its start posture as if held there. Elsewhere it takes its time, in which the arm is
     /// held: a person puts the object back.
@@ -104,6 +106,10 @@ pub trait Plant: Send {
 impl<T: DerefMut<Target: Plant> + Send> Plant for T {
     fn is_simulated(&self) -> bool {
         (**self).is_simulated()
+    }
+
+    fn announce(&mut self, rollout: u64) {
+        (**self).announce(rollout);
     }
 
     fn begin_reset(&mut self) {

@@ -13,6 +13,8 @@ use crate::fault::Fault;
 pub(crate) struct Job<P> {
     pub policy: P,
     pub policy_digest: u64,
+    /// Of the session.
+    pub rollout: u64,
     pub episode: EpisodeLoan,
     /// The swap that it fulfils, to be acknowledged when the policy acts.
     pub swap: Option<u64>,

@@ -51,10 +51,12 @@ pub fn simulate<P: Plant>(
     policy: &PolicyMsg,
     records: &mut [TickRecord],
 ) -> Result<Simulated, SimulateError> {
+    let rollout = policy.rollout;
     let policy = admit(policy, controlled.model, config)?;
     let mut controller =
         Controller::new(controlled.model, &controlled.q0, config, &controlled.referee);
     let (mut recording, mut scratch) = (Recording::new(config.record_stride()), TickRecord::ZERO);
+    controlled.plant.announce(rollout);
     controlled.plant.begin_reset();
     finish(controlled.plant)?;
     controller.start(&policy);

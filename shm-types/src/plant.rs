@@ -113,8 +113,9 @@ message! {
     pub struct PlantCommand as "skillet/PlantCommand/1" {
         pub kind: u64,
         pub answers_seq: u64,
-        /// The one that is wanted.
+        /// The one that is wanted, and the session's rollout that it is; 0: none of a session.
         pub episode: u64,
+        pub rollout: u64,
         /// `MODE_*`.
         pub mode: u64,
         /// Until when the torque is worth something, ns of the plant's time.
@@ -207,6 +208,7 @@ impl PlantCommand {
         kind: KIND_COMMAND,
         answers_seq: 0,
         episode: 0,
+        rollout: 0,
         mode: MODE_HOLD,
         expires_ns: 0,
         n_lost: 0,
@@ -241,7 +243,7 @@ mod tests {
             size_of::<PlantCommand>(),
             size_of::<PlantOutcome>(),
         ];
-        assert_eq!(lengths, [440, 360, 344, 104, 1560]);
+        assert_eq!(lengths, [440, 360, 344, 112, 1560]);
         let page = include_str!("../../docs/plant-protocol.md");
         for (kind, (name, length)) in
             (1..).zip(["Hello", "Welcome", "State", "Command", "Outcome"].iter().zip(lengths))

@@ -59,6 +59,9 @@ int skillet_plant_answer(skillet_plant *plant, uint32_t patience_us, double tau[
 /* The next sample is the first of the episode that was asked for. */
 void skillet_plant_has_reset(skillet_plant *plant);
 
+/* Number in the session of the rollout that was asked for: a world that varies draws by it. */
+uint64_t skillet_plant_rollout(const skillet_plant *plant);
+
 const char *skillet_plant_error(const skillet_plant *plant);
 void skillet_plant_close(skillet_plant *plant);
 

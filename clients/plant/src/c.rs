@@ -190,6 +190,14 @@ pub unsafe extern "C" fn skillet_plant_has_reset(plant: *mut skillet_plant) {
 /// # Safety
 /// `plant` is null or from `skillet_plant_open`.
 #[unsafe(no_mangle)]
+pub unsafe extern "C" fn skillet_plant_rollout(plant: *const skillet_plant) -> u64 {
+    // SAFETY: the caller's; null is none.
+    unsafe { plant.as_ref() }.map_or(0, |plant| plant.plant.rollout())
+}
+
+/// # Safety
+/// `plant` is null or from `skillet_plant_open`.
+#[unsafe(no_mangle)]
 pub unsafe extern "C" fn skillet_plant_error(plant: *const skillet_plant) -> *const c_char {
     // SAFETY: the caller's; null is none.
     unsafe { plant.as_ref() }.map_or(c"there is no plant".as_ptr(), |plant| plant.error.as_ptr())

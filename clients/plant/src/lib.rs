@@ -228,6 +228,7 @@ pub struct Plant {
     state: PlantState,
     /// Asked for; begun is `state.episode`.
     wanted: u64,
+    rollout: u64,
     /// The newest answer, and how many samples it has served.
     command: Option<PlantCommand>,
     n_repeats: u32,
@@ -266,6 +267,7 @@ impl Plant {
             period_ns,
             state,
             wanted: 0,
+            rollout: 0,
             command: None,
             n_repeats: 0,
             told: 0,
@@ -355,6 +357,11 @@ impl Plant {
         self.state.episode = self.wanted;
     }
 
+    /// The session's rollout that was asked for last; a world that varies draws by it.
+    pub fn rollout(&self) -> u64 {
+        self.rollout
+    }
+
     /// Samples that were not answered in time.
     pub fn unanswered(&self) -> u64 {
         self.state.n_unanswered
@@ -372,7 +379,7 @@ impl Plant {
     }
 
     fn answer_of(&mut self, command: &PlantCommand) -> Answer {
-        self.wanted = command.episode;
+        (self.wanted, self.rollout) = (command.episode, command.rollout);
         match command.mode {
             MODE_TRACK => Answer::Torque(command.tau),
             MODE_RESET => Answer::Reset(command.tau),

@@ -314,6 +314,7 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
         let job = Job {
             policy: served.policy.clone(),
             policy_digest: served.message.digest,
+            rollout: served.message.rollout,
             episode,
             swap,
             is_experiment: is_proposal,

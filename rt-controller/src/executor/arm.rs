@@ -198,8 +198,9 @@ impl<'a, P: Plant> RtLoop<'a, P> {
         if self.preparing.is_none() {
             self.preparing = self.ends.jobs.pop().ok();
         }
-        if self.preparing.is_some() && !self.is_reset {
+        if let Some(job) = self.preparing.as_ref().filter(|_| !self.is_reset) {
             self.is_reset = true;
+            self.plant.announce(job.rollout);
             self.plant.begin_reset();
             if self.plant.is_simulated() {
                 self.controller.enter_fresh_world();

@@ -54,8 +54,9 @@ pub struct RemotePlant {
     is_stepping: bool,
     /// The loop knows that the last plant is gone; before that it gets no other.
     is_loss_known: bool,
-    /// Episode that is to be, or is, in progress.
+    /// Episode that is to be, or is, in progress, and the session's rollout that it is.
     wanted: u64,
+    rollout: u64,
     /// From the plant's clock to ours: plants may follow each other, time goes on.
     offset_ns: u64,
     n_samples: u64,
@@ -89,6 +90,7 @@ impl RemotePlant {
             is_stepping: false,
             is_loss_known: true,
             wanted: 0,
+            rollout: 0,
             offset_ns: 0,
             n_samples: 0,
             n_lost: 0,
@@ -140,6 +142,7 @@ impl RemotePlant {
             kind: KIND_COMMAND,
             answers_seq: state.seq,
             episode: self.wanted,
+            rollout: self.rollout,
             mode,
             expires_ns: state.t_ns.saturating_add(WORTH_PERIODS * self.period_ns),
             n_lost: self.n_lost,
@@ -260,6 +263,10 @@ fn told(outcome: &PlantOutcome, wanted: u64) -> Option<Measures> {
 impl Plant for RemotePlant {
     fn is_simulated(&self) -> bool {
         self.is_simulated
+    }
+
+    fn announce(&mut self, rollout: u64) {
+        self.rollout = rollout;
     }
 
     fn begin_reset(&mut self) {
