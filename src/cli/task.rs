@@ -29,7 +29,7 @@ Examples:
   skillet task serve pancake
   skillet task serve pancake --config config/pancake-aim.toml
 
-The first line says what is searched: start, directions, box, measures. Every line read then is a request:
+The first line says what is searched: start, directions, box, measures, settings. Every line read then is a request:
   {\"theta\": [0.1, …], \"path\": false}    runs θ, answers with reward, success, measures and fault
   {\"policy\": {…}}                       runs a policy as `policy export` prints it
   {\"decode\": [0.1, …]}                  answers with the policy of θ and runs nothing

@@ -23,7 +23,8 @@ import json, sys
 arguments = sys.argv[1:]
 if arguments[:2] == ["task", "serve"]:
     print(json.dumps({{"task": arguments[2], "about": "", "start": [0.5, 0.0], "directions": [[1.0], [0.5]], "box": None,
-                      "measures": {{"gap_m": "m"}}}}), flush=True)
+                      "measures": {{"gap_m": "m"}}, "demonstrations": [], "learner": {{"action": {{"start": [0.5, 0.0],
+                      "unit": [1.0, 2.0]}}, "search": {{"method": "power"}}}}}}), flush=True)
     for line in sys.stdin:
         request = json.loads(line)
         if "decode" in request:
@@ -101,8 +102,11 @@ class Tasks(Case):
             self.assertEqual(task.policy([1.0, 2.0]).action.tolist(), [1.0, 2.0])
             with self.assertRaisesRegex(ValueError, "give 2 finite ones"):
                 task.run([1.0])
-            trial = task.search("power").ask()
-            self.assertAlmostEqual(trial.theta[1], 0.5 * (trial.theta[0] - 0.5))
+            search = task.search(seed=4)
+            self.assertEqual((search.settings["method"], search.dim), ("power", 2))
+            same = skillet.Search("power", start=[0.5, 0.0], unit=[1.0, 2.0], seed=4)
+            self.assertEqual(search.ask().theta.tolist(), same.ask().theta.tolist())
+            self.assertEqual(task.search("cem", settings={"n_elites": 8}).settings["method"], "cem")
 
     @unittest.skipIf(gymnasium is None, "gymnasium is not installed")
     def test_an_environment(self):
@@ -133,15 +137,13 @@ class Real(unittest.TestCase):
 
     def test_a_search_in_python_is_the_sessions(self):
         """The trials of `skillet learn`, proposed and judged again from Python, bit for bit."""
-        with tempfile.TemporaryDirectory() as folder:
-            out = str(Path(folder) / "s")
-            from skillet import _tool
-            _tool.run("learn", "skittles", "--rollouts", "12", "--seed", "3", "--out", out, "--json")
-            session = skillet.Session(out)
-            settings = session.learner["search"]
-            method = settings["method"]
-            with skillet.Task("skittles") as task:
-                search = task.search(method, seed=3, settings=settings[method], reward_map=settings["reward_map"])
+        from skillet import _tool
+        for name in ("skittles", "pancake"):
+            with self.subTest(task=name), tempfile.TemporaryDirectory() as folder, skillet.Task(name) as task:
+                out = str(Path(folder) / "s")
+                _tool.run("learn", name, "--rollouts", "12", "--seed", "3", "--out", out, "--json")
+                session, search = skillet.Session(out), task.search(seed=3)
+                self.assertEqual(session.search().ask().rollout, 13)
                 for theta, reward in zip(session.theta, session.trials["reward"]):
                     trial = search.ask()
                     outcome = task.run(trial.theta)

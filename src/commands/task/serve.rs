@@ -58,6 +58,19 @@ fn configure(args: &ServeArgs) -> Result<Config> {
     Ok(config)
 }
 
+/// Names and texts of the demonstrations; none without an arm.
+fn demonstrations(config: &Config) -> Result<Vec<(String, String)>> {
+    if !config.has_arm() {
+        return Ok(Vec::new());
+    }
+    let (first, built_in) = (&config.task.demonstration, config.task()?.arm()?.demonstration);
+    let mut all = vec![("demonstration.csv".into(), setup::text_of(first.as_deref(), built_in)?)];
+    for path in &config.task.other_demonstrations {
+        all.push((path.display().to_string(), setup::text_of(Some(path), "")?));
+    }
+    Ok(all)
+}
+
 fn say(value: &Value) -> Result<()> {
     print(&format!("{value}\n"))
 }
@@ -92,7 +105,8 @@ impl Served {
         Ok(Served { problem, judge: judging::judge(config)?, execute: executor(config)? })
     }
 
-    /// What is searched: start (D), directions (D×k, by rows) and box of the first demonstration, or of the action.
+    /// What is searched: start (D), directions (D×k, by rows) and box of the first demonstration, or of the
+    /// action; and what a program needs to search it as a session does.
     fn about(&self, config: &Config) -> Result<Value> {
         let space = &self.problem.spaces[0];
         let rows = space.exploration.row_iter();
@@ -108,6 +122,8 @@ impl Served {
             "directions": directions,
             "box": bounds,
             "measures": units,
+            "learner": config.learner,
+            "demonstrations": demonstrations(config)?,
         }))
     }
 

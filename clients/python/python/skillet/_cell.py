@@ -81,6 +81,7 @@ class Cell:
         command = [_tool.find(), "watch", "--cell", self.name, "--json", *limit]
         with subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                               text=True) as child:
+            assert child.stdout
             try:
                 for line in child.stdout:
                     value = json.loads(line)

@@ -2,6 +2,7 @@
 
 import json
 import os
+import sys
 from pathlib import Path
 from typing import Any, NamedTuple, Optional, Union
 
@@ -160,7 +161,8 @@ class Policy:
         No arm, no limits, no object; for a rollout of those see `Task.run`.
         """
         n = round(self.duration_s / dt) + 1
-        t, xs, xds = np.arange(n) * dt, np.empty((n, 6)), np.empty((n, 6))
+        t: Floats = dt * np.arange(n, dtype=np.float64)
+        xs, xds = np.empty((n, 6)), np.empty((n, 6))
         xs[0], xds[0] = x, xd
         for k in range(1, n):
             xds[k] = xds[k - 1] + dt * self.evaluate(t[k - 1], xs[k - 1], xds[k - 1]).acceleration
@@ -207,9 +209,9 @@ class Policy:
 
 def toml(text: str) -> dict[str, Any]:
     """TOML as a dict; tomllib comes with Python 3.11."""
-    try:
+    if sys.version_info >= (3, 11):
         import tomllib
-    except ImportError:
+    else:
         import tomli as tomllib
     return tomllib.loads(text)
 

@@ -1,7 +1,5 @@
 """The search of a stored session, told its trials again."""
 
-from pathlib import Path
-
 from ._search import Search
 from ._session import Session, SessionError
 
@@ -12,8 +10,7 @@ def resume(session: Session) -> Search:
     if session.wishes:
         raise SessionError(f"{session.file}: its trials were proposed under a wish (--where), which only the tool can "
                            "retell: resume it with `skillet learn`")
-    search = Search.__new__(Search)
-    search._begin(_origin(session))
+    search = Search._as_configured(session.learner, _demonstrations(session))
     trials = session.trials
     for i, rollout in enumerate(trials["rollout"].tolist()):
         trial = search.ask()
@@ -29,17 +26,11 @@ def resume(session: Session) -> Search:
     return search
 
 
-def _origin(session: Session) -> dict:
-    learner = session.learner
-    start = learner["action"]["start"]
-    if start:
-        low, high, unit = (learner["action"].get(key) or None for key in ("min", "max", "unit"))
-        along = unit and [[value * (i == k) for k in range(len(unit))] for i, value in enumerate(unit)]
-        return {"search": learner["search"], "seed": learner["seed"], "start": start, "low": low, "high": high,
-                "directions": along}
+def _demonstrations(session: Session) -> list[list[str]]:
+    if session.learner["action"]["start"]:
+        return []
     folder = session.file.parent
     names = ["demonstration.csv", *sorted(path.name for path in folder.glob("demonstration-*.csv"))]
-    files = [Path(folder, name) for name in names]
-    if not files[0].is_file():
-        raise SessionError(f"{files[0]}: the session's demonstration is missing: keep its whole folder")
-    return {"learner": learner, "demonstrations": [[file.name, file.read_text(encoding="utf-8")] for file in files]}
+    if not (folder / names[0]).is_file():
+        raise SessionError(f"{folder / names[0]}: the session's demonstration is missing: keep its whole folder")
+    return [[name, (folder / name).read_text(encoding="utf-8")] for name in names]

@@ -4,12 +4,15 @@ import json
 import math
 import os
 from pathlib import Path
-from typing import Any, Iterable, Mapping, NamedTuple, Optional, Sequence, Union, overload
+from typing import TYPE_CHECKING, Any, Iterable, Mapping, NamedTuple, Optional, Sequence, Union, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._skillet import Core
+
+if TYPE_CHECKING:
+    from ._policy import Policy
 
 FORMAT = 1
 Floats = NDArray[np.float64]
@@ -120,9 +123,23 @@ class Search:
         config = {"seed": int(seed), **(learner or {})}
         config["search"] = {**config.get("search", {}), **_search_settings(method, reward_map, settings)}
         texts = [[os.fspath(file), Path(file).read_text(encoding="utf-8")] for file in files]
+        return cls._of({"learner": config, "demonstrations": texts})
+
+    @classmethod
+    def _of(cls, origin: dict[str, Any]) -> "Search":
         search = cls.__new__(cls)
-        search._begin({"learner": config, "demonstrations": texts})
+        search._begin(origin)
         return search
+
+    @classmethod
+    def _as_configured(cls, learner: dict[str, Any], demonstrations: Sequence[Sequence[str]]) -> "Search":
+        """The search of a session with the settings `[learner]`; no demonstrations where θ is an action."""
+        if demonstrations:
+            return cls._of({"learner": learner, "demonstrations": [list(pair) for pair in demonstrations]})
+        action = learner["action"]
+        low, high, unit = (action.get(key) or None for key in ("min", "max", "unit"))
+        return cls._of({"search": learner["search"], "seed": learner["seed"], "start": action["start"], "low": low,
+                        "high": high, "directions": _list(None if unit is None else np.diag(unit))})
 
     def _begin(self, origin: dict[str, Any]) -> None:
         self._origin = origin
@@ -130,9 +147,10 @@ class Search:
             texts = [(name, text) for name, text in origin["demonstrations"]]
             self._core = Core.from_demonstrations(json.dumps(origin["learner"]), texts)
         else:
-            given = [origin[key] for key in ("start", "low", "high", "directions")]
-            arrays = [None if values is None else _bytes(np.asarray(values)) for values in given]
-            self._core = Core.around(json.dumps(origin["search"]), origin["seed"], *arrays)
+            low, high, directions = (
+                None if origin[key] is None else _bytes(np.asarray(origin[key])) for key in ("low", "high", "directions"))
+            start = _bytes(np.asarray(origin["start"]))
+            self._core = Core.around(json.dumps(origin["search"]), origin["seed"], start, low, high, directions)
         self._targets = self._core.targets
         self._n_asked = 0
         self._pending: dict[int, Trial] = {}
@@ -240,7 +258,7 @@ class Search:
         return [Mode(row["prior"], _array(row["mean"]), _array(row["covariance"]).reshape(shape), row["n_trials"],
                      row["best_rollout"], row["best_reward"], row["tolerance"]) for row in rows]
 
-    def policy(self, theta: Optional[ArrayLike] = None):
+    def policy(self, theta: Optional[ArrayLike] = None) -> "Policy":
         """The policy of θ, (D,), or of the mean; only where the search began from demonstrations."""
         from ._policy import Policy
         theta = self._core.mean() if theta is None else _bytes(_floats("theta", theta))
@@ -268,9 +286,8 @@ class Search:
             raise ValueError(f"{path}: not a search saved by Search.save") from None
         if found != FORMAT:
             raise ValueError(f"{path}: format {found} instead of {FORMAT}: load it with the version that saved it")
-        search = cls.__new__(cls)
         keys = ("search", "seed", "start", "low", "high", "directions", "learner", "demonstrations")
-        search._begin({key: state[key] for key in keys if key in state})
+        search = cls._of({key: state[key] for key in keys if key in state})
         search._replay(map(_from_row, state["trials"]))
         search._n_asked = state["asked"]
         search._pending = {rollout: Trial(rollout, np.array(theta)) for rollout, theta in state["pending"]}

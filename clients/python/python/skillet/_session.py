@@ -5,10 +5,14 @@ import json
 import os
 import sqlite3
 from pathlib import Path
-from typing import Any, Iterable, NamedTuple, Optional, Union
+from typing import TYPE_CHECKING, Any, Iterable, NamedTuple, Optional, Union
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from ._policy import Policy
+    from ._search import Search
 
 APPLICATION_ID = 0x534B_4C54
 FORMAT = 5
@@ -81,8 +85,8 @@ class Session:
         return self
 
     def _table(self, rows: list[tuple], measured: list[tuple]) -> Table:
-        kinds = {"reward": np.float64, **dict.fromkeys(_FLAGS, np.bool_)}
-        table = {name: np.array([row[i] for row in rows], dtype=kinds.get(name, np.int64))
+        kinds: dict[str, type] = {"reward": np.float64, **dict.fromkeys(_FLAGS, np.bool_)}
+        table: Table = {name: np.array([row[i] for row in rows], dtype=kinds.get(name, np.int64))
                  for i, name in enumerate(_TRIALS)}
         place = {rollout: i for i, rollout in enumerate(table["rollout"].tolist())}
         for name in self.units:
@@ -143,7 +147,7 @@ class Session:
         names = ("policy_id", "kind", "rollout", "digest")
         return {name: np.array([row[i] for row in self._policies]) for i, name in enumerate(names)}
 
-    def policy(self, policy_id: Optional[int] = None):
+    def policy(self, policy_id: Optional[int] = None) -> "Policy":
         """A policy by its id, 0 for the initial one; that of the best trial when None."""
         from ._policy import Policy
         if policy_id is None:
@@ -172,7 +176,7 @@ class Session:
         with _Reader(self.file) as read:
             return read(query, int(key))
 
-    def search(self):
+    def search(self) -> "Search":
         """The `Search` as it stands after these trials; it proposes them again, bit for bit, or raises.
 
         What it is told from now on stays in Python: the session is not changed.

@@ -36,7 +36,6 @@ class Task:
 
     config   a configuration file (TOML) instead of the task's defaults
     options  `task.options` of the task, such as {"start": "hanging"}; see `skillet task list`
-    seed     of its world, where that is random
     """
 
     def __init__(self, name: str = "pancake", *, config: Optional[Union[str, os.PathLike]] = None,
@@ -48,6 +47,8 @@ class Task:
         self._arguments = tuple(arguments)
         self._child = subprocess.Popen([_tool.find(), *arguments], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
                                        stderr=subprocess.PIPE, text=True)
+        assert self._child.stdin and self._child.stdout
+        self._to, self._from = self._child.stdin, self._child.stdout
         about = self._read()
         self.name: str = about["task"]
         self.about: str = about["about"]
@@ -59,6 +60,9 @@ class Task:
         """Directions to explore along, (D, k): θ = start + directions @ e, with e about 1 in size."""
         self.box: Optional[tuple[Floats, Floats]] = about["box"] and tuple(np.array(side) for side in about["box"])
         """(low, high), (D,) each, if a box is known."""
+        self.learner: dict[str, Any] = about["learner"]
+        """`[learner]` of its configuration."""
+        self._demonstrations = about["demonstrations"]
 
     def run(self, theta: Union[ArrayLike, Policy], path: bool = False) -> Outcome:
         """One rollout of θ, (D,), or of a policy; with `path` its path as well."""
@@ -67,16 +71,7 @@ class Task:
             request["policy"] = theta.fields
         else:
             request["theta"] = np.asarray(theta, dtype=np.float64).tolist()
-        try:
-            self._child.stdin.write(json.dumps(request, allow_nan=False) + "\n")
-            self._child.stdin.flush()
-        except ValueError:
-            raise ValueError("theta: give finite numbers, and no task that was closed") from None
-        except BrokenPipeError:
-            pass  # its last words are read below
-        answer = self._read()
-        if "refused" in answer:
-            raise ValueError(f"{self.name}: {answer['refused']}")
+        answer = self._ask(request)
         rows = None
         if answer.get("path") is not None:
             flat = np.array(answer["path"], dtype="<f4").reshape(-1, 20)
@@ -85,20 +80,39 @@ class Task:
 
     def policy(self, theta: ArrayLike) -> Policy:
         """The policy of θ, (D,)."""
-        self._child.stdin.write(json.dumps({"decode": np.asarray(theta, dtype=np.float64).tolist()}) + "\n")
-        self._child.stdin.flush()
+        answer = self._ask({"decode": np.asarray(theta, dtype=np.float64).tolist()})
+        return Policy.from_json(json.dumps(answer["policy"]))
+
+    def search(self, method: Optional[str] = None, *, seed: int = 1, settings: Optional[Mapping[str, Any]] = None):
+        """The search that `skillet learn` would run on this task: the same seed gives the same trials, bit for bit.
+
+        With another method, or other `settings` of it, everything else stays as the task has it. `aim` does without the
+        task's prediction of its measures, which only the tool has.
+        """
+        from ._search import Search
+        search = dict(self.learner["search"], method=method or self.learner["search"]["method"])
+        search[search["method"]] = {**search.get(search["method"], {}), **(settings or {})}
+        return Search._as_configured({**self.learner, "seed": seed, "search": search}, self._demonstrations)
+
+    def _ask(self, request: dict[str, Any]) -> dict[str, Any]:
+        if self._to.closed:
+            raise ValueError(f"{self.name}: this task was closed: make another one")
+        try:
+            line = json.dumps(request, allow_nan=False)
+        except ValueError:
+            raise ValueError(f"{self.name}: theta holds nan or inf: give finite numbers") from None
+        try:
+            self._to.write(line + "\n")
+            self._to.flush()
+        except BrokenPipeError:
+            pass  # why it ended is read below
         answer = self._read()
         if "refused" in answer:
             raise ValueError(f"{self.name}: {answer['refused']}")
-        return Policy.from_json(json.dumps(answer["policy"]))
-
-    def search(self, method: str = "power", **arguments):
-        """A search in this task's space; arguments as of `Search`."""
-        from ._search import Search
-        return Search(method, start=self.start, directions=self.directions, box=self.box, **arguments)
+        return answer
 
     def _read(self) -> dict[str, Any]:
-        line = self._child.stdout.readline()
+        line = self._from.readline()
         value = json.loads(line) if line.startswith("{") else {}
         if line and "error" not in value:
             return value
@@ -108,10 +122,8 @@ class Task:
 
     def close(self) -> None:
         """Ends the child."""
-        if self._child.poll() is None:
+        if not self._to.closed:
             self._child.communicate()
-        for pipe in (self._child.stdin, self._child.stdout, self._child.stderr):
-            pipe.close()
 
     def __enter__(self) -> "Task":
         return self

@@ -31,6 +31,8 @@ ENVIRONMENTS = {
 }
 REACH = 10.0
 """Largest entry of an action along directions: ten standard deviations of a search's first draws."""
+WIDE = 1e6
+"""A box as wide as this has no end."""
 
 
 class TaskEnv(gymnasium.Env):
@@ -41,17 +43,18 @@ class TaskEnv(gymnasium.Env):
     def __init__(self, task: str, options: Optional[Mapping[str, str]] = None, config: Optional[str] = None):
         self.task = Task(task, options=options, config=config)
         k = self.task.directions.shape[1]
-        self._is_box = self.task.box is not None and k == len(self.task.start) and np.all(
-            np.isfinite(self.task.box)) and np.all(np.abs(self.task.box) < 1e6)
-        reach = 1.0 if self._is_box else REACH
-        self.action_space = gymnasium.spaces.Box(-reach, reach, (k,), dtype=np.float64)
+        # Demonstrations bound their attractors only: such a box is no scale for actions.
+        box = self.task.box
+        self._box = box if box is not None and np.abs(box).max() < WIDE and k == len(self.task.start) else None
+        self._reach = REACH if self._box is None else 1.0
+        self.action_space = gymnasium.spaces.Box(-self._reach, self._reach, (k,), dtype=np.float64)
         self.observation_space = gymnasium.spaces.Box(-1.0, 1.0, (0,), dtype=np.float64)
 
     def theta(self, action: np.ndarray) -> np.ndarray:
         """θ, (D,), of an action, (k,)."""
-        action = np.clip(np.asarray(action, dtype=np.float64), self.action_space.low, self.action_space.high)
-        if self._is_box:
-            low, high = self.task.box
+        action = np.clip(np.asarray(action, dtype=np.float64), -self._reach, self._reach)
+        if self._box is not None:
+            low, high = self._box
             return low + 0.5 * (action + 1.0) * (high - low)
         return self.task.start + self.task.directions @ action
 
