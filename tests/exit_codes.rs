@@ -108,6 +108,10 @@ const ROWS: [Row; 45] = [
         ],
     ),
     ("task list", &[(DONE, "")]),
+    (
+        "task serve",
+        &[(DONE, "pancake"), (ERROR, "nothing"), (ERROR, "pancake --config absent.toml")],
+    ),
     ("trials", &[(DONE, "s"), (ERROR, "nowhere")]),
     ("report", &[(DONE, "s"), (ERROR, "nowhere")]),
     ("study", &[(DONE, ""), (ERROR, "nothing")]),

@@ -70,17 +70,29 @@ fn a_subscriber_in_python_sees_the_loop() {
     assert!(text.contains("pan at [0.7"), "the layouts agree: {text}");
 }
 
-#[test]
-fn the_client_for_plants_behaves_whatever_its_controller_does() {
-    let Some(python) = python_with("struct") else { return };
-    let tests = script("clients/python");
-    let output =
-        Command::new(&python).args(["-m", "unittest", "discover"]).arg(tests).output().unwrap();
+/// How many tests below `folder` passed.
+fn unittests(python: &str, folder: &str) -> u32 {
+    let discover = ["-m", "unittest", "discover"];
+    let mut command = Command::new(python);
+    command.args(discover).arg(script(folder)).env("SKILLET", env!("CARGO_BIN_EXE_skillet"));
+    let output = command.output().unwrap();
     let said = stderr(&output);
     assert!(output.status.success(), "{said}");
     let counted = said.split("Ran ").nth(1).and_then(|rest| rest.split(' ').next());
-    let n: u32 = counted.and_then(|n| n.parse().ok()).unwrap();
-    assert!(n >= 25, "{said}");
+    counted.and_then(|n| n.parse().ok()).unwrap()
+}
+
+#[test]
+fn the_client_for_plants_behaves_whatever_its_controller_does() {
+    let Some(python) = python_with("struct") else { return };
+    assert!(unittests(&python, "clients/python") >= 25);
+}
+
+/// `pip install ./clients/python` first, as `.ci/run` does.
+#[test]
+fn the_python_package_is_the_tool_in_python() {
+    let Some(python) = python_with("skillet") else { return };
+    assert!(unittests(&python, "clients/python/tests") >= 50);
 }
 
 /// The whole road: MuJoCo in Rapier's place, checked as its author would, then learnt from scratch.

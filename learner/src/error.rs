@@ -1,12 +1,15 @@
 //! Why a session cannot start or go on, and why an episode is refused.
 
-use shm_types::episode::{EpisodeError, FAULT_APPROACH_TIMEOUT, FAULT_OVERRUN};
+use shm_types::episode::EpisodeError;
+#[cfg(feature = "session")]
+use shm_types::episode::{FAULT_APPROACH_TIMEOUT, FAULT_OVERRUN};
 use thiserror::Error;
 
 use crate::exploration::ExplorationError;
 use crate::expression::ParseError;
 use crate::judge::{AssessError, JudgeError};
 use crate::parameters::ParameterError;
+#[cfg(feature = "session")]
 use crate::store::StoreError;
 use search::range::ConfigError;
 use search::{DirectionsError, TellError};
@@ -22,6 +25,7 @@ pub enum LearnerError {
     Directions(#[from] DirectionsError),
     #[error(transparent)]
     Exploration(#[from] ExplorationError),
+    #[cfg(feature = "session")]
     #[error(transparent)]
     Store(#[from] StoreError),
     /// The plant or the task is another one than this session's, or its judge is broken.
@@ -100,6 +104,7 @@ impl From<TellError> for CompleteError {
 
 /// Why an episode with this fault is no trial: the policy was never tried. Other faults during the
 /// rollout are the policy's doing and are rewarded like anything else it does.
+#[cfg(feature = "session")]
 pub(crate) fn not_executed(fault: u64) -> Option<&'static str> {
     match fault {
         FAULT_APPROACH_TIMEOUT => Some(

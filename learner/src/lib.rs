@@ -3,6 +3,9 @@
 //! It knows messages ([`shm_types`]), rewards and search; it links no simulator and no controller.
 //! Everything is a pure function of configuration, seed and stored trials: equal inputs give equal
 //! bits, and a stopped session continues as if it had never stopped.
+//!
+//! Without the feature `session` the mathematics is left: what is searched, from where and along which
+//! directions.
 
 #![forbid(unsafe_code)]
 
@@ -17,24 +20,32 @@ pub mod exploration;
 pub mod expression;
 pub mod initial_policy;
 pub mod judge;
+#[cfg(feature = "session")]
 pub mod learner;
 pub mod modes;
 pub mod parameters;
 pub mod path;
 pub mod prediction;
 pub mod problem;
+#[cfg(feature = "session")]
 pub mod repertoire;
+#[cfg(feature = "session")]
 pub mod replay;
 pub mod reward;
+#[cfg(feature = "session")]
 pub mod session;
 pub mod smoothing;
+#[cfg(feature = "session")]
 pub mod store;
+#[cfg(feature = "session")]
 pub mod summary;
 pub mod targets;
 pub mod trajectory;
+#[cfg(feature = "session")]
 pub mod wish;
 
 pub use config::LearnerConfig;
 pub use demonstration::Demonstration;
 pub use error::{CompleteError, LearnerError};
+#[cfg(feature = "session")]
 pub use learner::Learner;

@@ -3,7 +3,6 @@
 //! A command carries an id of the client's own: repeating it, after a lost reply, carries nothing
 //! out twice.
 
-use iceoryx2::prelude::ZeroCopySend;
 use thiserror::Error;
 
 use crate::SCHEMA;

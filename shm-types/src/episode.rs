@@ -1,6 +1,5 @@
 //! The episode: what one rollout did, as a slice of tick records behind a header.
 
-use iceoryx2::prelude::ZeroCopySend;
 use thiserror::Error;
 
 use crate::measures::{Measures, MeasuresError};

@@ -2,30 +2,43 @@
 //!
 //! Every message is `#[repr(C)]`, versioned by its type name and by [`SCHEMA`], and validated by
 //! whoever receives it. No mathematics and no policy logic live here.
+//!
+//! Without the feature `transport` only the messages are left, for programs that never meet a cell.
 
 #![allow(unsafe_code)] // only what the ZeroCopySend derive expands to
 mod schema;
 #[macro_use]
 mod message;
 
+#[cfg(feature = "transport")]
 mod advice;
+#[cfg(feature = "transport")]
 pub mod cell;
+#[cfg(feature = "transport")]
 pub mod channel;
 pub mod command;
+#[cfg(feature = "transport")]
 pub mod echo;
 pub mod episode;
+#[cfg(feature = "transport")]
 mod generation;
+#[cfg(feature = "transport")]
 mod janitor;
 pub mod measures;
 pub mod news;
+#[cfg(feature = "transport")]
 mod observer;
+#[cfg(feature = "transport")]
 pub mod plant;
 pub mod policy;
 pub mod policy_json;
+#[cfg(feature = "transport")]
 pub mod ports;
+#[cfg(feature = "transport")]
 pub mod service_manager;
 pub mod telemetry;
 pub mod text;
+#[cfg(feature = "transport")]
 mod tool;
 
 pub use schema::{Digest, SCHEMA};

@@ -3,7 +3,6 @@
 //! A message of its own size whatever a task measures: names travel with the numbers, so that whoever
 //! comes late, and whoever reads years later, needs no table of the task's.
 
-use iceoryx2::prelude::ZeroCopySend;
 use thiserror::Error;
 
 /// Measures of one rollout.

@@ -9,12 +9,13 @@ macro_rules! message {
     ) => {
         $(#[$meta])*
         #[derive(
-            Clone, Copy, Debug, PartialEq, ZeroCopySend,
+            Clone, Copy, Debug, PartialEq,
             // Also: no padding, whose bytes would be anybody's guess.
             zerocopy::IntoBytes, zerocopy::FromBytes, zerocopy::Immutable, zerocopy::KnownLayout,
         )]
+        #[cfg_attr(feature = "transport", derive(iceoryx2::prelude::ZeroCopySend))]
         #[repr(C)]
-        #[type_name($type_name)]
+        #[cfg_attr(feature = "transport", type_name($type_name))]
         pub struct $name {
             $( $(#[$field_meta])* pub $field: $type, )*
         }

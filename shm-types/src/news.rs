@@ -1,6 +1,5 @@
 //! What a learner tells observers: its trials and what the search has found.
 
-use iceoryx2::prelude::ZeroCopySend;
 use thiserror::Error;
 
 use crate::SCHEMA;

@@ -3,8 +3,6 @@
 //!
 //! A contract of its own, with a version instead of a hash: drivers live longer than builds of Skillet.
 
-use iceoryx2::prelude::ZeroCopySend;
-
 use crate::MAX_JOINTS;
 use crate::measures::{MAX_MEASURES, Measures, NAME_LEN, UNIT_LEN};
 use crate::text::{self, REASON_LEN};

@@ -1,7 +1,5 @@
 //! What observers see of a running controller: lossy by design.
 
-use iceoryx2::prelude::ZeroCopySend;
-
 use crate::SCHEMA;
 use crate::episode::TickRecord;
 

@@ -1,12 +1,15 @@
 //! `skillet task`: its flags.
 
+use std::path::PathBuf;
+
 use clap::{Args, Subcommand};
 
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
   skillet task list
-  skillet task list --json")]
+  skillet task list --json
+  skillet task serve pancake --json")]
 pub struct TaskArgs {
     #[command(subcommand)]
     pub verb: TaskVerb,
@@ -20,4 +23,38 @@ pub enum TaskVerb {
         #[arg(long)]
         json: bool,
     },
+    /// Run rollouts of a task for another program: one JSON object a line, in and out
+    #[command(after_help = "\
+Examples:
+  skillet task serve pancake
+  skillet task serve pancake --config config/pancake-aim.toml
+
+The first line says what is searched: start, directions, box, measures, settings. Every line read then is a request:
+  {\"theta\": [0.1, …], \"path\": false}    runs θ, answers with reward, success, measures and fault
+  {\"policy\": {…}}                       runs a policy as `policy export` prints it
+  {\"decode\": [0.1, …]}                  answers with the policy of θ and runs nothing
+A request that cannot be run is answered with {\"refused\": \"why\"}. It ends with its input. The Python
+package's Task and environments use it; the rollouts are those of a session, bit for bit.")]
+    Serve(ServeArgs),
+}
+
+#[derive(Args)]
+pub struct ServeArgs {
+    /// Name of the task; see `skillet task list`
+    pub task: String,
+    /// Configuration file (TOML); see `skillet config`
+    #[arg(long)]
+    pub config: Option<PathBuf>,
+    /// A choice of `task.options`, as NAME=VALUE; may be repeated
+    #[arg(long = "option", value_name = "NAME=VALUE", value_parser = choice, conflicts_with = "config")]
+    pub options: Vec<(String, String)>,
+    /// Print JSON, which it always does; errors too
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// A name and a value with an equals sign between them.
+fn choice(text: &str) -> Result<(String, String), String> {
+    let (name, value) = text.split_once('=').ok_or("write it as NAME=VALUE")?;
+    Ok((name.into(), value.into()))
 }

@@ -1,5 +1,7 @@
 //! `skillet task`: the tasks there are.
 
+mod serve;
+
 use anyhow::Result;
 use serde_json::json;
 
@@ -11,7 +13,13 @@ use crate::output::{print, print_json};
 use crate::tasks;
 
 pub fn run(args: &TaskArgs) -> Result<Verdict> {
-    let TaskVerb::List { json: as_json } = args.verb;
+    match &args.verb {
+        TaskVerb::List { json } => list(*json),
+        TaskVerb::Serve(args) => serve::run(args),
+    }
+}
+
+fn list(as_json: bool) -> Result<Verdict> {
     let mut text = String::new();
     let mut objects = Vec::new();
     for task in tasks::ALL {

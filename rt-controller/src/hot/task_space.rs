@@ -4,6 +4,7 @@
 //! down) first, so that 3-, 4- and 6-dimensional policies use a leading part of one vector.
 
 use nalgebra::Vector6;
+#[cfg(feature = "loop")]
 use physics::arm::TipKinematics;
 
 /// Row of a world 6-vector [linear; angular] that belongs to each task coordinate.
@@ -19,6 +20,7 @@ pub struct TaskState {
     pub xd: Vector6<f64>,
 }
 
+#[cfg(feature = "loop")]
 impl TaskState {
     pub fn new(tip: &TipKinematics) -> TaskState {
         let p_WP = tip.X_WP.translation.vector;

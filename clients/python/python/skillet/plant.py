@@ -1,0 +1,1 @@
+../../skillet_plant.py
