@@ -32,6 +32,7 @@
 
 pub mod action;
 pub mod arm;
+pub mod bare;
 pub mod cup;
 pub mod ideal;
 pub mod landscape;

@@ -26,7 +26,7 @@ macro_rules! tasks {
     };
 }
 
-tasks! { pancake, landscape, skittles, archery, obstacle, via_points, ball_in_a_cup }
+tasks! { pancake, landscape, skittles, archery, obstacle, via_points, ball_in_a_cup, custom }
 
 /// What the loop, the learner and the report must know of a task.
 pub struct Task {
