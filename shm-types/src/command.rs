@@ -3,6 +3,8 @@
 //! A command carries an id of the client's own: repeating it, after a lost reply, carries nothing
 //! out twice.
 
+#[cfg(feature = "transport")]
+use iceoryx2::prelude::ZeroCopySend;
 use thiserror::Error;
 
 use crate::SCHEMA;

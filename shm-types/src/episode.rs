@@ -1,5 +1,7 @@
 //! The episode: what one rollout did, as a slice of tick records behind a header.
 
+#[cfg(feature = "transport")]
+use iceoryx2::prelude::ZeroCopySend;
 use thiserror::Error;
 
 use crate::measures::{Measures, MeasuresError};

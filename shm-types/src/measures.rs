@@ -3,6 +3,8 @@
 //! A message of its own size whatever a task measures: names travel with the numbers, so that whoever
 //! comes late, and whoever reads years later, needs no table of the task's.
 
+#[cfg(feature = "transport")]
+use iceoryx2::prelude::ZeroCopySend;
 use thiserror::Error;
 
 /// Measures of one rollout.

@@ -1,4 +1,5 @@
 //! `message!` writes a message struct and keeps its layout as text, for [`crate::SCHEMA`].
+//! With the feature `transport` it needs `iceoryx2::prelude::ZeroCopySend` in scope.
 
 macro_rules! message {
     (
@@ -13,7 +14,7 @@ macro_rules! message {
             // Also: no padding, whose bytes would be anybody's guess.
             zerocopy::IntoBytes, zerocopy::FromBytes, zerocopy::Immutable, zerocopy::KnownLayout,
         )]
-        #[cfg_attr(feature = "transport", derive(iceoryx2::prelude::ZeroCopySend))]
+        #[cfg_attr(feature = "transport", derive(ZeroCopySend))]
         #[repr(C)]
         #[cfg_attr(feature = "transport", type_name($type_name))]
         pub struct $name {

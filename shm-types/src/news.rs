@@ -1,5 +1,7 @@
 //! What a learner tells observers: its trials and what the search has found.
 
+#[cfg(feature = "transport")]
+use iceoryx2::prelude::ZeroCopySend;
 use thiserror::Error;
 
 use crate::SCHEMA;

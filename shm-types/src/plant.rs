@@ -6,6 +6,7 @@
 use crate::MAX_JOINTS;
 use crate::measures::{MAX_MEASURES, Measures, NAME_LEN, UNIT_LEN};
 use crate::text::{self, REASON_LEN};
+use iceoryx2::prelude::ZeroCopySend;
 
 pub mod line;
 pub mod shared;

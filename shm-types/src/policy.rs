@@ -1,6 +1,8 @@
 //! The policy message: physical parameters {μᵢ, Kᵢ, κᵛ, activations} of Eq. (5), or an action vector
 //! for a task without arm, and the rollout that asks for them to be executed once.
 
+#[cfg(feature = "transport")]
+use iceoryx2::prelude::ZeroCopySend;
 use thiserror::Error;
 
 use crate::{Digest, MAX_ACTIONS, MAX_COMPONENTS, PACKED, SCHEMA, TASK_DIM};

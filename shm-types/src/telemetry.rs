@@ -2,6 +2,8 @@
 
 use crate::SCHEMA;
 use crate::episode::TickRecord;
+#[cfg(feature = "transport")]
+use iceoryx2::prelude::ZeroCopySend;
 
 /// Ticks in one telemetry sample.
 pub const TELEMETRY_TICKS: usize = 20;
