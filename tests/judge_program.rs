@@ -279,7 +279,8 @@ fn what_cannot_judge_is_refused_before_it_starts() {
         assert!(!bench.path("s").exists(), "nothing began");
     };
     judged_by("no-such-program-anywhere", &["no-such-program-anywhere was not found", "PATH"]);
-    judged_by("./judge.py", &["./judge.py is not executable", "python3"]);
+    bench.write("judge", "print()");
+    judged_by("./judge", &["./judge is not executable", "python3"]);
     judged_by("", &["the judge's program is empty"]);
     for (judge, words) in [
         ("measures = { gap = \"m\" }", &["task.judge.measures", "task.judge.program"][..]),
