@@ -12,6 +12,8 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 use search::trial::Trial;
 use search::{AskTell, Bounds, SearchConfig, SearchSnapshot, Space};
+use serde::de::DeserializeOwned;
+use serde_json::Value;
 use shm_types::policy_json;
 
 use crate::bytes::{packed, refused, vector};
@@ -58,7 +60,7 @@ impl Core {
         high: Option<&[u8]>,
         directions: Option<&[u8]>,
     ) -> PyResult<Core> {
-        let settings: SearchConfig = serde_json::from_str(settings).map_err(refused)?;
+        let settings: SearchConfig = parsed(settings)?;
         settings.validate().map_err(refused)?;
         let theta_0 = vector(start)?;
         let dim = theta_0.len();
@@ -92,7 +94,7 @@ impl Core {
     /// and texts of CSV files.
     #[staticmethod]
     fn from_demonstrations(learner: &str, demonstrations: Vec<(String, String)>) -> PyResult<Core> {
-        let config: LearnerConfig = serde_json::from_str(learner).map_err(refused)?;
+        let config: LearnerConfig = parsed(learner)?;
         config.validate().map_err(refused)?;
         let parse = |(name, text): &(String, String)| Demonstration::parse(name, text);
         let demonstrations =
@@ -199,4 +201,10 @@ impl Core {
         let policy = problem.decode(&theta, PolicyIds::default());
         policy_json::to_json(&policy).map_err(refused)
     }
+}
+
+/// Settings in two steps: an error then says what stands there, not at which byte of a text nobody wrote.
+fn parsed<T: DeserializeOwned>(text: &str) -> PyResult<T> {
+    let value: Value = serde_json::from_str(text).map_err(refused)?;
+    serde_json::from_value(value).map_err(refused)
 }

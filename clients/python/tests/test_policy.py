@@ -43,7 +43,7 @@ def by_hand(policy, t, x, xd):
 class Evaluating(unittest.TestCase):
     def test_equation_5(self):
         found, rng = policy(), np.random.default_rng(2)
-        for t in (-1.0, 0.0, 0.2, 0.31, 5.0):
+        for t in (-0.5, 0.0, 0.2, 0.31, 1.5):
             x, xd = rng.normal(size=6), rng.normal(size=6)
             for value, expected in zip(found.evaluate(t, x, xd), by_hand(found, t, x, xd)):
                 np.testing.assert_allclose(value, expected, rtol=1e-12, atol=1e-9)

@@ -94,8 +94,8 @@ class Asking(unittest.TestCase):
         self.assertEqual(search.best.theta[0], 0.5)
 
     def test_modes_are_told_apart(self):
-        search = skillet.Search("niching", box=([-2.0], [2.0]), seed=1)
-        for _ in range(400):
+        search = skillet.Search("regions", box=([-2.0], [2.0]), seed=1)
+        for _ in range(100):
             trial = search.ask()
             search.tell(trial, float(np.exp(-20 * (abs(trial.theta[0]) - 1.0) ** 2)))
         means = sorted(float(mode.mean[0]) for mode in search.modes())
@@ -181,7 +181,8 @@ class Messages(unittest.TestCase):
             (lambda: skillet.Search(start=[[0.0]]), "start", "vector"),
             (lambda: skillet.Search(start=[5.0], box=([0.0], [1.0])), "start", "box"),
             (lambda: skillet.Search(box=([0.0], [0.0])), "min < max"),
-            (lambda: skillet.Search(start=[0.0], settings={"elites": 3}), "elites"),
+            (lambda: skillet.Search(start=[0.0], settings={"n_elite": 3}), "n_elite"),
+            (lambda: skillet.Search(start=[0.0], settings={"n_elites": "many"}), "many"),
             (lambda: skillet.Search(start=[0.0], settings={"floor_std": -1.0}), "floor_std"),
             (lambda: skillet.Search(start=[0.0, 0.0], directions=[[1.0, 1.0], [1.0, 1.0]]), "independent"),
             (lambda: skillet.Search(start=[0.0, 0.0], directions=[[1.0]]), "directions", "2 parameters"),
