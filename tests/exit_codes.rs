@@ -18,7 +18,7 @@ const NO_CONTROLLER: i32 = 3;
 /// controller, the cell `none` has not.
 type Row = (&'static str, &'static [(i32, &'static str)]);
 
-const ROWS: [Row; 45] = [
+const ROWS: [Row; 46] = [
     ("learn", &[(DONE, "pancake --rollouts 2 --out l"), (ERROR, "pancake --config absent.toml")]),
     ("controller", &[(ERROR, "--cell c1"), (ERROR, "--cell UP"), (ERROR, "--config absent.toml")]),
     ("learner", &[(DONE, "--cell c1 --session s"), (ERROR, "--session l2 --config absent.toml")]),
@@ -100,8 +100,22 @@ const ROWS: [Row; 45] = [
         ],
     ),
     (
+        "demo add",
+        &[
+            (DONE, "s s/demonstration.csv"),
+            (ERROR, "s far.csv"),
+            (ERROR, "s absent.csv"),
+            (ERROR, "nowhere s/demonstration.csv"),
+        ],
+    ),
+    (
         "judge",
         &[
+            // Ratings do not count there.
+            (ERROR, "s --rate 7"),
+            (ERROR, "s --rate 11"),
+            (ERROR, "s"),
+            (ERROR, "nowhere --better"),
             (DONE, "--again s --config s/session.toml"),
             (ERROR, "--again nowhere --config s/session.toml"),
             (ERROR, "--again s --config absent.toml"),
