@@ -86,7 +86,8 @@ impl Problem {
             let lasts_s = map.decode(&self.spaces[0].theta_0, PolicyIds::default()).duration_s;
             if (start.duration_s - lasts_s).abs() > 1e-6 {
                 return Err(misfit(format!(
-                    "it lasts {:.2} s, and the policies of this session {lasts_s:.2} s: make it as long,                      they share their clock",
+                    "it lasts {:.2} s, and the policies of this session {lasts_s:.2} s: make it \
+                     as long, they share their clock",
                     start.duration_s
                 )));
             }
