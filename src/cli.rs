@@ -59,13 +59,13 @@ pub enum Verb {
     Record(record::RecordArgs),
     /// Run a trial of a session again, bit for bit, and record it
     Replay(record::ReplayArgs),
-    /// Make demonstrations from recordings
+    /// Make demonstrations from recordings, and give one more to a session
     Demo(demo::DemoArgs),
     /// Check the URDF of an arm and make its configuration
     Arm(arm::ArmArgs),
     /// Plants in another process: serve the simulation as one, check one of your own
     Plant(plant::PlantArgs),
-    /// Judge the trials of a session once more, by another reward
+    /// Rate a rollout of a session, or judge all its trials by another reward
     Judge(judge::JudgeArgs),
     /// List what there is to be learnt
     Task(task::TaskArgs),

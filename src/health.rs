@@ -4,8 +4,9 @@ use std::time::Duration;
 
 use rt_controller::fault::Fault;
 use serde::Serialize;
+use shm_types::cell::Cell;
 use shm_types::command::{PLANT_ABSENT, Status};
-use shm_types::telemetry::{WAITS_DISK, WAITS_JUDGE};
+use shm_types::telemetry::{ASKS_DEMONSTRATION, WAITS_DISK, WAITS_JUDGE, WAITS_RATING};
 
 /// Controller and learner beat ten times a second; who was not heard for so long is silent. It is said
 /// within 2 s, by observers that look twice a second, too.
@@ -130,6 +131,9 @@ pub fn notes(status: &Status, cell: &str) -> Vec<String> {
     if status.learner_waits == WAITS_JUDGE && has_learner(status) {
         notes.push("learner waits for its judge; see judge.log in the session folder".into());
     }
+    if has_learner(status) {
+        notes.extend(people(status.learner_waits, cell));
+    }
     if status.pin_restored == 1 {
         notes.push(format!(
             "policy {policy} was pinned by an earlier run and is served without a command; `skillet \
@@ -137,6 +141,24 @@ pub fn notes(status: &Status, cell: &str) -> Vec<String> {
         ));
     }
     notes
+}
+
+/// What the learner asks of people, with the command that answers it.
+pub fn people(waits: u64, cell: &str) -> Option<String> {
+    let folder = || {
+        let folder = Cell::new(cell).ok().and_then(|cell| cell.session());
+        folder.map_or("SESSION".into(), |folder| folder.display().to_string())
+    };
+    match waits {
+        WAITS_RATING => {
+            Some(format!("learner waits for a rating: `skillet judge {} --rate 7`", folder()))
+        }
+        ASKS_DEMONSTRATION => Some(format!(
+            "the search stands still: show it how, `skillet demo add {} file.csv`",
+            folder()
+        )),
+        _ => None,
+    }
 }
 
 #[cfg(test)]
@@ -188,5 +210,13 @@ mod tests {
         let judged = Status { learner_waits: WAITS_JUDGE, learner_age_ns: 0, ..Status::ZERO };
         assert!(notes(&judged, "c1")[0].contains("waits for its judge"));
         assert_eq!(of(&judged).0, Health::Ok, "it is no defect");
+        for (waits, word) in [
+            (WAITS_RATING, "skillet judge SESSION --rate"),
+            (ASKS_DEMONSTRATION, "skillet demo add SESSION"),
+        ] {
+            let asks = Status { learner_waits: waits, ..judged };
+            assert!(notes(&asks, "nobody-here")[0].contains(word));
+            assert_eq!(of(&asks).0, Health::Ok);
+        }
     }
 }

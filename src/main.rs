@@ -24,6 +24,7 @@ mod judging;
 mod log;
 mod metrics;
 mod output;
+mod people;
 mod plant_check;
 mod policy_file;
 mod progress;

@@ -2,6 +2,7 @@
 
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
 use rustix::fs::{FlockOperation, flock};
@@ -15,6 +16,9 @@ const ARM: &str = "arm.urdf";
 const TIMING: &str = "timing.json";
 const RECORDS: &str = "rollout.npy";
 const LOCK: &str = "session.lock";
+/// Whoever looks whether a session is in use holds its lock for an instant: a learner tries again.
+const TRIES: usize = 20;
+const PAUSE: Duration = Duration::from_millis(5);
 
 #[derive(Clone, Debug)]
 pub struct SessionFolder {
@@ -160,10 +164,20 @@ impl SessionFolder {
     pub fn lock(&self) -> Result<File> {
         let path = self.dir.join(LOCK);
         let file = File::create(&path).with_context(|| self.cannot("write"))?;
-        if flock(&file, FlockOperation::NonBlockingLockExclusive).is_err() {
-            bail!("{}: this session is in use: wait for it, or stop it", self.dir.display());
+        for _ in 0..TRIES {
+            if flock(&file, FlockOperation::NonBlockingLockExclusive).is_ok() {
+                return Ok(file);
+            }
+            std::thread::sleep(PAUSE);
         }
-        Ok(file)
+        bail!("{}: this session is in use: wait for it, or stop it", self.dir.display());
+    }
+
+    /// A learner is at work on it.
+    pub fn is_in_use(&self) -> bool {
+        // Shared: those who look do not see each other.
+        File::open(self.dir.join(LOCK))
+            .is_ok_and(|file| flock(&file, FlockOperation::NonBlockingLockShared).is_err())
     }
 
     fn cannot(&self, what: &str) -> String {

@@ -110,17 +110,23 @@ pub fn check(config: &Config) -> Result<Vec<Demonstration>> {
     let first = &demonstrations[0];
     for demonstration in &demonstrations {
         check_demonstration(config, &model, demonstration)?;
-        let (found, expected) = (demonstration.duration_s(), first.duration_s());
-        if (found - expected).abs() > 1e-6 {
-            bail!(
-                "{}: lasts {found:.2} s, {} {expected:.2} s: make them equally long, the policies \
-                 share their clock",
-                demonstration.file(),
-                first.file()
-            );
-        }
+        check_as_long(demonstration, first)?;
     }
     Ok(demonstrations)
+}
+
+/// That a demonstration is as long as the first one of its session.
+pub fn check_as_long(demonstration: &Demonstration, first: &Demonstration) -> Result<()> {
+    let (found, expected) = (demonstration.duration_s(), first.duration_s());
+    if (found - expected).abs() > 1e-6 {
+        bail!(
+            "{}: lasts {found:.2} s, {} {expected:.2} s: make them equally long, the policies \
+             share their clock",
+            demonstration.file(),
+            first.file()
+        );
+    }
+    Ok(())
 }
 
 /// That the arm can follow it from the start posture, and that a rollout of it fits into an episode.

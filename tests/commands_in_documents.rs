@@ -24,6 +24,11 @@ fn tested_elsewhere(arguments: &[&str]) -> Option<&'static str> {
         ["bench", ..] => Some("tests/bench.rs"),
         ["plant", ..] | ["controller", .., "external", "--pace", _] => Some("tests/plant.rs"),
         ["soak", ..] => Some("tests/soak.rs"),
+        // Ratings count in sessions that were started so.
+        ["judge", _, "--rate" | "--better" | "--worse" | "--withdraw", ..] => {
+            Some("tests/people.rs")
+        }
+        ["demo", "add", ..] => Some("tests/people.rs"),
         // There is no fault to end.
         ["rearm" | "hold", ..] => Some("tests/rearm.rs"),
         // It wants a terminal; the other one does not end.

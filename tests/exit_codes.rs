@@ -100,8 +100,22 @@ const ROWS: [Row; 46] = [
         ],
     ),
     (
+        "demo add",
+        &[
+            (DONE, "s s/demonstration.csv"),
+            (ERROR, "s far.csv"),
+            (ERROR, "s absent.csv"),
+            (ERROR, "nowhere s/demonstration.csv"),
+        ],
+    ),
+    (
         "judge",
         &[
+            // Ratings do not count there.
+            (ERROR, "s --rate 7"),
+            (ERROR, "s --rate 11"),
+            (ERROR, "s"),
+            (ERROR, "nowhere --better"),
             (DONE, "--again s --config s/session.toml"),
             (ERROR, "--again nowhere --config s/session.toml"),
             (ERROR, "--again s --config absent.toml"),

@@ -10,6 +10,7 @@ use crate::exploration::ExplorationConfig;
 use crate::initial_policy::InitialPolicyConfig;
 use crate::modes::Prefer;
 use crate::parameters::{STIFFNESS_MAX, STIFFNESS_MIN, Scales};
+use crate::people::PeopleConfig;
 use crate::reward::RewardConfig;
 use search::SearchConfig;
 pub use search::range::ConfigError;
@@ -43,6 +44,7 @@ pub struct LearnerConfig {
     pub reward: RewardConfig,
     #[serde(default = "ComplianceConfig::off")]
     pub compliance: ComplianceConfig,
+    pub people: PeopleConfig,
     /// Which mode the session's answer is.
     pub prefer: Prefer,
     /// What a success must be like beside succeeding, over the measures; may be changed when it is resumed.
@@ -71,6 +73,7 @@ impl Default for LearnerConfig {
             search: SearchConfig::default(),
             reward: RewardConfig::default(),
             compliance: ComplianceConfig::default(),
+            people: PeopleConfig::default(),
             prefer: Prefer::default(),
             wish: String::new(),
         }
@@ -104,18 +107,29 @@ impl LearnerConfig {
         check("exploration.", &self.exploration.ranges())?;
         check("reward.", &self.reward.ranges())?;
         check("compliance.", &self.compliance.ranges())?;
+        check("people.", &self.people.ranges())?;
         self.action.validate()?;
-        if !self.wish.is_empty() && !self.search.method.learns_from_any_trial() {
-            return Err(ConfigError::Range {
-                field: "where".into(),
-                value: self.wish.clone(),
-                allowed:
-                    "nothing with a search that learns only from its own proposals; use power \
-                          or aim as learner.search.method"
-                        .into(),
-            });
-        }
+        self.check_is_told_anew()?;
         self.search.validate()
+    }
+
+    /// That the search can be told its trials anew where something asks for that.
+    fn check_is_told_anew(&self) -> Result<(), ConfigError> {
+        let weight = self.people.weight;
+        let asks = [
+            ("where", !self.wish.is_empty(), self.wish.clone(), "nothing"),
+            ("people.weight", self.people.takes_ratings(), weight.to_string(), "0"),
+        ];
+        match asks.into_iter().find(|(_, asks, ..)| *asks) {
+            Some((field, _, value, nothing)) if !self.search.method.learns_from_any_trial() => {
+                let allowed = format!(
+                    "{nothing} with a search that learns only from its own proposals; use power or aim as \
+                     learner.search.method"
+                );
+                Err(ConfigError::Range { field: field.into(), value, allowed })
+            }
+            _ => Ok(()),
+        }
     }
 
     /// The part that shapes the initial policy.
@@ -134,11 +148,13 @@ impl LearnerConfig {
     }
 
     /// That a session started with `stored` may go on with `self`: everything is equal except the
-    /// number of rollouts and the preferred mode, which no proposal depends on, and the wish, which is
-    /// stored with the trial from which on it holds.
+    /// number of rollouts, the preferred mode, and when the learner waits for people and asks them, which no
+    /// proposal depends on, and the wish, which is stored with the trial from which on it holds.
     pub fn check_resumes(&self, stored: &LearnerConfig) -> Result<(), ConfigError> {
         let LearnerConfig { rollouts, prefer, wish, .. } = stored.clone();
-        let found = LearnerConfig { rollouts, prefer, wish, ..self.clone() };
+        let PeopleConfig { wait, ask_after, .. } = stored.people;
+        let people = PeopleConfig { wait, ask_after, ..self.people };
+        let found = LearnerConfig { rollouts, prefer, wish, people, ..self.clone() };
         match first_difference("", &to_json(&found), &to_json(stored)) {
             Some((field, found, stored)) => Err(ConfigError::Changed { field, found, stored }),
             None => Ok(()),
@@ -168,6 +184,8 @@ fn first_difference(
 
 #[cfg(test)]
 mod tests {
+    use search::Method;
+
     use super::*;
 
     #[test]
@@ -184,7 +202,7 @@ mod tests {
     #[test]
     fn refuses_each_bad_value_and_names_it() {
         type Break = fn(&mut LearnerConfig);
-        let breaks: [(&str, Break); 20] = [
+        let breaks: [(&str, Break); 23] = [
             ("learner.task_dim is 5: use 3", |c| c.task_dim = 5),
             ("learner.rollouts is 0: use 1 to 100000", |c| c.rollouts = 0),
             ("learner.n_components is 17: use 1 to 16", |c| c.n_components = 17),
@@ -209,6 +227,11 @@ mod tests {
             ("learner.reward.w2 is -1", |c| c.reward.w2 = -1.0),
             ("learner.reward.catch.lateral_m is 0", |c| c.reward.catch.lateral_m = 0.0),
             ("learner.exploration.tempo_s is -0.1", |c| c.exploration.tempo_s = -0.1),
+            ("learner.people.weight is NaN: use 0 to 1", |c| c.people.weight = f64::NAN),
+            ("learner.people.success_from is 11: use 0 to 10", |c| c.people.success_from = 11.0),
+            ("learner.people.weight is 0.5: use 0 with a search", |c| {
+                (c.people.weight, c.search.method) = (0.5, Method::Cem);
+            }),
         ];
         for (expected, break_it) in breaks {
             let mut config = LearnerConfig::default();
@@ -229,6 +252,16 @@ mod tests {
         ] {
             assert!(serde_json::from_str::<LearnerConfig>(text).is_err(), "{text}");
         }
+    }
+
+    #[test]
+    fn when_people_are_asked_may_change_and_what_they_count_for_may_not() {
+        let stored = LearnerConfig::default();
+        let with = |people| LearnerConfig { people, ..stored.clone() };
+        let people = PeopleConfig { wait: false, ask_after: 9, ..stored.people };
+        assert_eq!(with(people).check_resumes(&stored), Ok(()));
+        let error = with(PeopleConfig { weight: 0.5, ..people }).check_resumes(&stored);
+        assert!(error.unwrap_err().to_string().contains("learner.people.weight is 0.5"));
     }
 
     #[test]

@@ -36,6 +36,8 @@ pub enum LearnerError {
     Reward(TellError),
     #[error("learner.where: {0}")]
     Wish(Box<ParseError>),
+    #[error("the demonstration {file} that was added to this session does not fit it: {reason}")]
+    Added { file: String, reason: String },
     #[error(
         "rollout {rollout} cannot be reproduced from the stored session: resume it with the program \
          that wrote it, or start another one with --out"

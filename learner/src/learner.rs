@@ -12,6 +12,7 @@
 //! rollout.
 
 mod diary;
+mod people;
 mod unexecuted;
 
 use std::path::Path;
@@ -25,8 +26,10 @@ use shm_types::text;
 use crate::config::LearnerConfig;
 use crate::demonstration::Demonstration;
 use crate::error::{CompleteError, LearnerError, not_executed};
+use crate::history::History;
 use crate::initial_policy::initial_policy;
 use crate::judge::{Judge, JudgeError};
+use crate::mail::Mail;
 use crate::modes::{ModeReport, assess, mode_policy_id};
 use crate::parameters::PolicyIds;
 use crate::path::{PathRow, decimate};
@@ -34,8 +37,9 @@ use crate::problem::Problem;
 use crate::replay::{Replayed, Told, ask, replay, same_bits, told_anew};
 use crate::store::{Event, SessionMeta, Step, Store, TrialRecord};
 use crate::summary::{Summary, TrialReport};
-use crate::wish::{Telling, Wish, Wishes};
+use crate::wish::{Telling, Wish};
 pub use diary::judged_by;
+pub use people::Taken;
 use search::trial::Proposal;
 use search::{AskTell, TellError};
 
@@ -50,9 +54,10 @@ pub struct Learner {
     problem: Problem,
     search: AskTell,
     telling: Telling,
-    wishes: Wishes,
+    history: History,
     judge: Judge,
     store: Store,
+    mail: Mail,
     trials: Vec<TrialRecord>,
     pending: Option<(Proposal, PolicyMsg)>,
 }
@@ -82,10 +87,22 @@ impl Learner {
         let config = meta.learner.clone();
         let mut store = Store::create(&directory.join(SESSION_FILE), meta, &initial)?;
         store.record_event("created", source)?;
-        let (wishes, trials, pending) = (Wishes::default(), Vec::new(), None);
-        let (search, telling) = replay(&config, &problem, &wishes, &trials, &mut |_| {})?;
-        let mut learner =
-            Learner { config, problem, search, telling, wishes, judge, store, trials, pending };
+        let (history, trials) = (store.history()?, Vec::new());
+        let (search, telling) = replay(&config, &problem, &history, &trials, &mut |_| {})?;
+        let mail = Mail::of(directory);
+        let pending = None;
+        let mut learner = Learner {
+            config,
+            problem,
+            search,
+            telling,
+            history,
+            judge,
+            store,
+            mail,
+            trials,
+            pending,
+        };
         learner.follow_wish()?;
         learner.follow_judge()?;
         Ok(learner)
@@ -122,11 +139,21 @@ impl Learner {
         if found != expected {
             return Err(LearnerError::Judge(JudgeError::OtherMeasures { found, expected }));
         }
-        let Replayed { problem, search, telling, wishes, trials } =
+        let Replayed { problem, search, telling, history, trials } =
             Replayed::of(&store, demonstrations, judge.predictor(), on_told)?;
-        let (config, pending) = (config.clone(), None);
-        let mut learner =
-            Learner { config, problem, search, telling, wishes, judge, store, trials, pending };
+        let (config, mail, pending) = (config.clone(), Mail::of(directory), None);
+        let mut learner = Learner {
+            config,
+            problem,
+            search,
+            telling,
+            history,
+            judge,
+            store,
+            mail,
+            trials,
+            pending,
+        };
         learner.follow_wish()?;
         if let Some(stored) = learner.store.pending_proposal()? {
             learner.pending = Some(learner.reproduce(&stored)?);
@@ -141,16 +168,17 @@ impl Learner {
     /// the one that knows the trials so far as they look under it.
     fn follow_wish(&mut self) -> Result<(), LearnerError> {
         let text = self.config.wish.clone();
-        if self.wishes.last().map_or("", Wish::text) == text {
+        if self.history.wishes.last().map_or("", Wish::text) == text {
             return Ok(());
         }
         let wish = Wish::parse_any(&text, &self.store.meta().measures)
             .map_err(|error| LearnerError::Wish(Box::new(error)))?;
-        (self.search, self.telling) =
-            told_anew(&self.config, &self.problem, wish.as_ref(), &self.trials)?;
         let next = self.durable_rollout() + 1;
+        let telling = Telling::new(wish.as_ref()).under(self.history.ratings.view(next));
+        (self.search, self.telling) =
+            told_anew(&self.config, &self.problem, telling, &self.trials)?;
         self.store.put_wish(&text, &self.search.snapshot(next))?;
-        self.wishes = self.store.wishes()?;
+        self.history.wishes = self.store.wishes()?;
         let said = if text.is_empty() { "nothing".into() } else { format!("`{text}`") };
         let said = format!("from rollout {next} on a success must be so: {said}");
         tracing::info!("{said}");
@@ -196,12 +224,16 @@ impl Learner {
         let judged = self.judge.judge(policy, header, records);
         let (measures, success, reward) =
             judged.map_err(|error| CompleteError::not_judged(header.rollout, error))?;
-        let trial = TrialRecord {
+        let trial = self.seen(TrialRecord {
             rollout: header.rollout,
             theta: proposal.theta.clone(),
             reward,
-            success: success && self.telling.is_as_wished(&measures),
+            success,
             judged_success: success,
+            own_reward: reward,
+            own_success: success,
+            rating: None,
+            unrated: false,
             policy_id: header.policy_id,
             policy_digest: header.policy_digest,
             boot_id: header.boot_id,
@@ -211,15 +243,21 @@ impl Learner {
             set_aside: false,
             is_mean: self.is_mean(proposal),
             measures,
-        };
+        });
         self.tell(&trial)?;
         self.record(trial, &decimate(records), None)
     }
 
-    /// Tells the search; says once which predictions it stopped to rely on.
+    /// A trial as what it counts for now.
+    fn seen(&self, mut trial: TrialRecord) -> TrialRecord {
+        self.history.show(std::slice::from_mut(&mut trial));
+        trial
+    }
+
+    /// Tells the search, unless only a rating of it counts; says once which predictions it stopped to rely on.
     fn tell(&mut self, trial: &TrialRecord) -> Result<(), TellError> {
         let (targets, before) = (self.config.search.targets(), self.search.doubted());
-        let told = self.telling.trial(trial, targets);
+        let Some(told) = self.telling.trial(trial, targets) else { return Ok(()) };
         self.search.tell(&told)?;
         self.telling.was_told(&told);
         for j in self.search.doubted().into_iter().filter(|j| !before.contains(j)) {
@@ -242,13 +280,14 @@ impl Learner {
     ) -> Result<TrialReport, CompleteError> {
         let following = trial.rollout + 1;
         let search = self.search.snapshot(following);
-        let next = (following <= self.config.rollouts).then(|| self.propose(following));
+        let goes_on = following <= self.config.rollouts && !self.waits_for_rating_of(&trial);
+        let next = goes_on.then(|| self.propose(following));
         let step = Step { trial: &trial, path, search: &search, next: next.as_ref(), note };
         if let Err(error) = self.store.record_step(&step) {
             // What is not durable was not learnt.
-            let (config, problem, wishes) = (&self.config, &self.problem, &self.wishes);
+            let (config, problem, history) = (&self.config, &self.problem, &self.history);
             (self.search, self.telling) =
-                replay(config, problem, wishes, &self.trials, &mut |_| {})
+                replay(config, problem, history, &self.trials, &mut |_| {})
                     .expect("these trials were reproduced before");
             self.search.ask(trial.rollout);
             return Err(CompleteError::Learner(error.into()));
@@ -297,7 +336,7 @@ impl Learner {
 
     /// A success of this rollout had to be as wished.
     pub fn is_under_wish(&self, rollout: u64) -> bool {
-        self.wishes.of_rollout(rollout).is_some()
+        self.history.wishes.of_rollout(rollout).is_some()
     }
 
     /// Rollouts the session is to have.
@@ -336,7 +375,7 @@ impl Learner {
     }
 
     fn propose(&mut self, rollout: u64) -> (Proposal, PolicyMsg) {
-        let proposal = ask(&mut self.search, &self.problem, &self.wishes, &self.trials, rollout);
+        let proposal = ask(&mut self.search, &self.problem, &self.history, &self.trials, rollout);
         let policy = self.problem.decode(&proposal.theta, self.ids(rollout, rollout));
         (proposal, policy)
     }

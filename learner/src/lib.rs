@@ -18,13 +18,16 @@ pub mod demonstration;
 mod error;
 pub mod exploration;
 pub mod expression;
+pub mod history;
 pub mod initial_policy;
 pub mod judge;
 #[cfg(feature = "session")]
 pub mod learner;
+pub mod mail;
 pub mod modes;
 pub mod parameters;
 pub mod path;
+pub mod people;
 pub mod prediction;
 pub mod problem;
 #[cfg(feature = "session")]

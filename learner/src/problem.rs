@@ -12,16 +12,21 @@ use crate::exploration::{Column, ExplorationKind, directions};
 use crate::initial_policy::initial_policy;
 use crate::parameters::{ParameterMap, PolicyIds};
 use crate::prediction::Predictor;
+use crate::store::Added;
 use search::{Search, Space};
 
 /// A configured search problem; the same for a session and for a study without one.
+#[derive(Clone)]
 pub struct Problem {
     encoding: Encoding,
     /// One for each demonstration, or that of the action.
     pub spaces: Vec<Space>,
+    /// The rollouts after which each of them joined; 0 for those the session began with.
+    joined: Vec<u64>,
 }
 
 /// How θ becomes a policy.
+#[derive(Clone)]
 enum Encoding {
     /// Eq. (5): attractors and stiffnesses, scaled.
     Springs(Arc<ParameterMap>),
@@ -48,7 +53,7 @@ impl Problem {
     ) -> Result<Problem, LearnerError> {
         if demonstrations.is_empty() {
             let spaces = vec![config.action.space()];
-            return Ok(Problem { encoding: Encoding::Action, spaces });
+            return Ok(Problem { encoding: Encoding::Action, spaces, joined: vec![0] });
         }
         let map = ParameterMap::new(initial, config.scales)?;
         let mut spaces = Vec::new();
@@ -60,7 +65,46 @@ impl Problem {
             };
             spaces.push(space(&start, &map, config, demonstration)?);
         }
-        Ok(Problem { encoding: Encoding::Springs(Arc::new(map)), spaces })
+        let joined = vec![0; spaces.len()];
+        Ok(Problem { encoding: Encoding::Springs(Arc::new(map)), spaces, joined })
+    }
+
+    /// The same problem with the starts that were `added` to it since.
+    pub fn with_added(
+        mut self,
+        config: &LearnerConfig,
+        added: &[Added],
+    ) -> Result<Problem, LearnerError> {
+        for Added { after, file, text, .. } in added {
+            let misfit = |reason: String| LearnerError::Added { file: file.clone(), reason };
+            let Encoding::Springs(map) = &self.encoding else {
+                return Err(misfit("this task has no arm that could be shown a movement".into()));
+            };
+            let parsed = Demonstration::parse(file, text);
+            let demonstration = parsed.map_err(|error| misfit(error.to_string()))?;
+            let start = initial_policy(&demonstration, &config.initial_policy());
+            let lasts_s = map.decode(&self.spaces[0].theta_0, PolicyIds::default()).duration_s;
+            if (start.duration_s - lasts_s).abs() > 1e-6 {
+                return Err(misfit(format!(
+                    "it lasts {:.2} s, and the policies of this session {lasts_s:.2} s: make it \
+                     as long, they share their clock",
+                    start.duration_s
+                )));
+            }
+            self.spaces.push(space(&start, map, config, &demonstration)?);
+            self.joined.push(*after);
+        }
+        Ok(self)
+    }
+
+    /// A start joins with the proposal of `rollout`.
+    pub fn grows_at(&self, rollout: u64) -> bool {
+        rollout > 1 && self.joined.iter().any(|after| after + 1 == rollout)
+    }
+
+    /// The newest start that was added came after this many rollouts; 0 if there is none.
+    pub fn grew_after(&self) -> u64 {
+        self.joined.last().copied().unwrap_or(0)
     }
 
     /// The same problem, where the task can compute some of its measures.
@@ -75,9 +119,10 @@ impl Problem {
         Problem { spaces: self.spaces.into_iter().map(with).collect(), ..self }
     }
 
-    /// θ is where the search starts from one of the demonstrations, or from the action.
+    /// θ is where the session began: at one of its first demonstrations, or at the action.
     pub fn starts_at(&self, theta: &DVector<f64>) -> bool {
-        self.spaces.iter().any(|space| space.theta_0 == *theta)
+        let mut starts = self.spaces.iter().zip(&self.joined);
+        starts.any(|(space, after)| *after == 0 && space.theta_0 == *theta)
     }
 
     /// The sealed policy of θ.
@@ -94,7 +139,14 @@ impl Problem {
 
     /// The configured search, before its first trial.
     pub fn search(&self, config: &LearnerConfig) -> Box<dyn Search> {
-        search::build_all(&config.search, config.seed, self.spaces.clone())
+        self.search_for(config, 1)
+    }
+
+    /// The one that proposes `rollout`, before it was told anything.
+    pub fn search_for(&self, config: &LearnerConfig, rollout: u64) -> Box<dyn Search> {
+        let starts = self.joined.iter().copied().zip(self.spaces.iter().cloned());
+        let joined = starts.filter(|(after, _)| *after < rollout).collect();
+        search::build_joined(&config.search, config.seed, joined)
     }
 }
 

@@ -40,7 +40,8 @@ pub enum Unserved {
 
 /// The policy for `wish` among `trials`, which were searched along the directions of `space`.
 pub fn serve(space: &Space, trials: &[TrialRecord], wish: &Wish) -> Result<Served, Unserved> {
-    let executed: Vec<&TrialRecord> = trials.iter().filter(|t| t.was_executed()).collect();
+    let executed: Vec<&TrialRecord> =
+        trials.iter().filter(|t| t.was_executed() && !t.unrated).collect();
     let is_ok = |trial: &&TrialRecord| trial.judged_success && wish.holds(&trial.measures);
     let ok: Vec<&TrialRecord> = executed.iter().copied().filter(is_ok).collect();
     if ok.is_empty() {

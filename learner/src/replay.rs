@@ -5,11 +5,12 @@ use nalgebra::DVector;
 use crate::config::LearnerConfig;
 use crate::demonstration::Demonstration;
 use crate::error::LearnerError;
+use crate::history::History;
 use crate::prediction::Predictor;
 use crate::problem::Problem;
 use crate::repertoire::serve;
 use crate::store::{Store, TrialRecord};
-use crate::wish::{Telling, Wish, Wishes};
+use crate::wish::Telling;
 use search::AskTell;
 use search::trial::Proposal;
 
@@ -18,7 +19,7 @@ pub struct Replayed {
     pub problem: Problem,
     pub search: AskTell,
     pub telling: Telling,
-    pub wishes: Wishes,
+    pub history: History,
     pub trials: Vec<TrialRecord>,
 }
 
@@ -32,10 +33,11 @@ impl Replayed {
     ) -> Result<Replayed, LearnerError> {
         let config = &store.meta().learner;
         let problem = Problem::around(&store.initial_policy()?, config, demonstrations)?
+            .with_added(config, &store.added()?)?
             .with_prediction(config, predictor);
-        let (wishes, trials) = (store.wishes()?, store.trials()?);
-        let (search, telling) = replay(config, &problem, &wishes, &trials, on_told)?;
-        Ok(Replayed { problem, search, telling, wishes, trials })
+        let (history, trials) = (store.history()?, store.trials()?);
+        let (search, telling) = replay(config, &problem, &history, &trials, on_told)?;
+        Ok(Replayed { problem, search, telling, history, trials })
     }
 }
 
@@ -50,28 +52,28 @@ pub struct Told {
 pub fn replay(
     config: &LearnerConfig,
     problem: &Problem,
-    wishes: &Wishes,
+    history: &History,
     trials: &[TrialRecord],
     on_told: &mut dyn FnMut(Told),
 ) -> Result<(AskTell, Telling), LearnerError> {
-    let mut search = AskTell::new(problem.search(config));
-    let mut telling = Telling::new(wishes.of_rollout(1));
+    let (mut search, mut telling) = told_anew(config, problem, history.telling(1), &[])?;
     for (trial, rollout) in trials.iter().zip(1..) {
-        let before = &trials[..rollout as usize - 1];
-        if wishes.changes_at(rollout) {
-            (search, telling) = told_anew(config, problem, wishes.of_rollout(rollout), before)?;
-        }
-        let asked = ask(&mut search, problem, wishes, before, rollout).theta;
+        let (before, known) = (&trials[..rollout as usize - 1], &trials[..rollout as usize]);
+        let asked = ask(&mut search, problem, history, before, rollout).theta;
         if trial.rollout != rollout || !same_bits(&asked, &trial.theta) {
             return Err(LearnerError::NotReproduced { rollout });
         }
-        if !trial.set_aside {
+        let next = rollout + 1;
+        if problem.grows_at(next) || !history.changes_only_the_newest_at(next) {
+            (search, telling) = told_anew(config, problem, history.telling(next), known)?;
+        } else {
+            if history.ratings.changes_at(next) {
+                // Told once, as the next proposal sees it: the same as all of them anew.
+                telling = telling.under(history.ratings.view(next));
+            }
             tell(&mut search, &mut telling, trial, config)?;
         }
         on_told(Told { trials: rollout as usize, of: trials.len() });
-    }
-    if wishes.changes_at(trials.len() as u64 + 1) {
-        return told_anew(config, problem, wishes.last(), trials);
     }
     Ok((search, telling))
 }
@@ -81,27 +83,28 @@ pub fn replay(
 pub fn ask(
     search: &mut AskTell,
     problem: &Problem,
-    wishes: &Wishes,
+    history: &History,
     trials: &[TrialRecord],
     rollout: u64,
 ) -> Proposal {
     let proposal = search.ask(rollout);
+    let wishes = &history.wishes;
     let wish = wishes.of_rollout(rollout).filter(|_| wishes.changes_at(rollout));
-    match wish.map(|wish| serve(&problem.spaces[0], trials, wish)) {
+    match wish.map(|wish| serve(&problem.spaces[0], &history.seen(trials, rollout), wish)) {
         Some(Ok(served)) => Proposal { theta: served.theta, ..proposal },
         _ => proposal,
     }
 }
 
-/// A search of its own that is told `trials` under another `wish` than the one they were proposed for.
+/// A search of its own that is told `trials` in another way than when they were proposed.
 pub fn told_anew(
     config: &LearnerConfig,
     problem: &Problem,
-    wish: Option<&Wish>,
+    mut telling: Telling,
     trials: &[TrialRecord],
 ) -> Result<(AskTell, Telling), LearnerError> {
-    let (mut search, mut telling) = (AskTell::new(problem.search(config)), Telling::new(wish));
-    for trial in trials.iter().filter(|trial| !trial.set_aside) {
+    let mut search = AskTell::new(problem.search_for(config, trials.len() as u64 + 1));
+    for trial in trials {
         search.ask(trial.rollout);
         tell(&mut search, &mut telling, trial, config)?;
     }
@@ -114,7 +117,8 @@ fn tell(
     record: &TrialRecord,
     config: &LearnerConfig,
 ) -> Result<(), LearnerError> {
-    let (trial, rollout) = (telling.trial(record, config.search.targets()), record.rollout);
+    let Some(trial) = telling.trial(record, config.search.targets()) else { return Ok(()) };
+    let rollout = record.rollout;
     search.tell(&trial).map_err(|_| LearnerError::NotReproduced { rollout })?;
     telling.was_told(&trial);
     Ok(())
@@ -127,6 +131,7 @@ pub fn same_bits(a: &DVector<f64>, b: &DVector<f64>) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::people::{PeopleConfig, Rating, Ratings};
     use search::trial::Trial;
     use search::{Method, SearchConfig};
     use shm_types::measures::Measures;
@@ -148,7 +153,7 @@ mod tests {
             search.tell(&trial).unwrap();
             trials.push(TrialRecord::of(trial, Measures::NONE));
         }
-        let (mut heard, none) = (Vec::new(), Wishes::default());
+        let (mut heard, none) = (Vec::new(), History::default());
         assert!(replay(&config, &problem, &none, &trials, &mut |told| heard.push(told)).is_ok());
         assert_eq!(heard.len(), 40);
         assert_eq!(heard[39], Told { trials: 40, of: 40 });
@@ -163,5 +168,48 @@ mod tests {
         assert_eq!(astray(&|trial| trial.theta[0] += 1e-9), 6);
         assert_eq!(astray(&|trial| trial.rollout = 7), 6);
         assert!(astray(&|trial| trial.reward += 1.0) > 6, "another reward leads elsewhere, later");
+    }
+
+    /// A made-up session that is rated now and then: at once, late, otherwise, and not any more.
+    #[test]
+    fn ratings_are_told_again_from_where_they_took_effect() {
+        let people = PeopleConfig { weight: 1.0, ..PeopleConfig::default() };
+        let mut config = LearnerConfig { people, ..Default::default() };
+        config.search.power.n_initial = 5;
+        config.action.start = vec![1.0, 2.0];
+        let initial = PolicyMsg::of_action(&config.action.start).sealed();
+        let problem = Problem::around(&initial, &config, &[]).unwrap();
+        let (mut history, mut trials) = (History::default(), Vec::new());
+        history.ratings = Ratings::of(people, Vec::new());
+        let (mut search, mut telling) =
+            told_anew(&config, &problem, history.telling(1), &[]).unwrap();
+        for rollout in 1..=30 {
+            let theta = ask(&mut search, &problem, &history, &trials, rollout).theta;
+            let reward = (-theta.norm_squared()).exp();
+            let trial = Trial { rollout, theta, reward, success: false, measured: Vec::new() };
+            let record = TrialRecord::of(trial, Measures::NONE);
+            tell(&mut search, &mut telling, &record, &config).unwrap();
+            let worth = (10.0 * reward).round();
+            trials.push(record);
+            let said =
+                |rollout, rating| Rating { letter: 0, after: trials.len() as u64, rollout, rating };
+            let new = match rollout % 4 {
+                0 => vec![],
+                1 => vec![said(rollout, Some(worth))],
+                2 if rollout > 2 => vec![said(rollout - 1, Some(2.0)), said(rollout, Some(worth))],
+                3 => vec![said(rollout - 1, None), said(rollout, Some(3.0))],
+                _ => vec![said(rollout, Some(worth))],
+            };
+            history.ratings = history.ratings.with(new.clone());
+            if !new.is_empty() {
+                let anew = history.telling(rollout + 1);
+                (search, telling) = told_anew(&config, &problem, anew, &trials).unwrap();
+            }
+        }
+        let (again, _) = replay(&config, &problem, &history, &trials, &mut |_| {}).unwrap();
+        assert_eq!(again.snapshot(31), search.snapshot(31));
+        let mut forgotten = history.clone();
+        forgotten.ratings = Ratings::of(people, history.ratings.all()[1..].to_vec());
+        assert!(replay(&config, &problem, &forgotten, &trials, &mut |_| {}).is_err());
     }
 }

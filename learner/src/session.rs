@@ -8,6 +8,7 @@
 mod controller;
 mod event;
 mod news;
+mod people;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -85,6 +86,8 @@ struct Link {
     latched: u64,
     /// What this learner is waiting for, as the controller is told.
     waits: u64,
+    /// The search stands still, and a demonstration would help.
+    asks: bool,
     set_aside_in_a_row: u32,
     news: News,
 }
@@ -104,6 +107,7 @@ impl Link {
             is_pinned: false,
             latched: 0,
             waits: WAITS_NOT,
+            asks: false,
             set_aside_in_a_row: 0,
             news: News::default(),
         }
@@ -119,6 +123,9 @@ impl Link {
         // The last acknowledgement of an earlier run may have been lost with its process.
         self.acknowledge(learner);
         self.news.all(&self.ports, learner);
+        if self.hear_people(learner, stop, on_event)?.is_none() {
+            return Ok(End::Stopped);
+        }
         while !learner.is_done() {
             let Some(policy) = self.stored(stop, on_event, || learner.next_policy())? else {
                 return Ok(End::Stopped);
@@ -127,9 +134,19 @@ impl Link {
             let Some(report) = self.await_trial(learner, &policy, stop, on_event)? else {
                 return Ok(End::Stopped);
             };
-            self.acknowledge(learner);
+            // Whether it was a success, a person may have to say first.
+            let is_rated_first = learner.awaits_rating().is_some();
+            if !is_rated_first {
+                self.acknowledge(learner);
+            }
             on_event(Event::Trial(&report));
             self.news.trial(&self.ports, learner, on_event);
+            if self.hear_people(learner, stop, on_event)?.is_none() {
+                return Ok(End::Stopped);
+            }
+            if is_rated_first {
+                self.acknowledge(learner);
+            }
         }
         Ok(End::Done)
     }

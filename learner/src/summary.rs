@@ -57,8 +57,9 @@ impl Summary {
         let late = &trials[trials.len().saturating_sub(LATE_TRIALS)..];
         let count = |trials: &[TrialRecord]| trials.iter().filter(|t| t.success).count();
         let means = || late.iter().filter(|trial| trial.is_mean);
-        // What was set aside was not rewarded: its 0 is none, and may be above all others.
-        let rewarded = trials.iter().filter(|trial| !trial.set_aside);
+        // What was set aside, or waits for a rating, was not rewarded: its 0 is none, and may be above all
+        // others.
+        let rewarded = trials.iter().filter(|trial| !trial.set_aside && !trial.unrated);
         let best = rewarded.reduce(|a, b| if b.reward > a.reward { b } else { a });
         let mut ended_early = BTreeMap::new();
         for trial in trials.iter().filter(|trial| ends_early(trial.fault)) {

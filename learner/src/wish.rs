@@ -4,6 +4,7 @@ use shm_types::measures::{Measures, TRUTH};
 
 use crate::expression::{Expression, Kind, ParseError};
 use crate::judge::Declared;
+use crate::people::View;
 use crate::store::TrialRecord;
 use search::aim::Target;
 use search::trial::Trial;
@@ -69,36 +70,40 @@ impl Wishes {
     }
 }
 
-/// What a search is told of trials under a wish: one that is not as wished failed, and is worth no more than
-/// the worst before it.
+/// What a search is told of trials, by the robot's judge and by people: under a wish one that is not as wished
+/// failed, and is worth no more than the worst before it.
 #[derive(Clone, Debug)]
 pub struct Telling {
     wish: Option<Wish>,
+    view: View,
     worst: f64,
 }
 
 impl Telling {
     pub fn new(wish: Option<&Wish>) -> Telling {
-        Telling { wish: wish.cloned(), worst: f64::INFINITY }
+        Telling { wish: wish.cloned(), view: View::default(), worst: f64::INFINITY }
     }
 
-    pub fn trial(&self, record: &TrialRecord, targets: &[Target]) -> Trial {
-        let trial = record.trial(targets);
-        match &self.wish {
+    /// With these ratings from here on.
+    pub fn under(self, view: View) -> Telling {
+        Telling { view, ..self }
+    }
+
+    /// `None` where the search is not told of it.
+    pub fn trial(&self, record: &TrialRecord, targets: &[Target]) -> Option<Trial> {
+        let (success, reward) = self.view.verdict(record)?;
+        let trial = Trial { success, reward, ..record.trial(targets) };
+        Some(match &self.wish {
             Some(wish) if !wish.holds(&record.measures) => {
                 Trial { success: false, reward: trial.reward.min(self.worst), ..trial }
             }
             _ => trial,
-        }
+        })
     }
 
     /// From the first trial on.
     pub fn anew(&self) -> Telling {
-        Telling::new(self.wish.as_ref())
-    }
-
-    pub fn is_as_wished(&self, measures: &Measures) -> bool {
-        self.wish.as_ref().is_none_or(|wish| wish.holds(measures))
+        Telling::new(self.wish.as_ref()).under(self.view.clone())
     }
 
     pub fn was_told(&mut self, trial: &Trial) {
@@ -107,13 +112,12 @@ impl Telling {
 
     /// Those of `records` that a search is told.
     pub fn all(mut self, records: &[TrialRecord], targets: &[Target]) -> Vec<Trial> {
-        let told = records.iter().filter(|record| !record.set_aside);
         let tell = |record| {
-            let trial = self.trial(record, targets);
+            let trial = self.trial(record, targets)?;
             self.was_told(&trial);
-            trial
+            Some(trial)
         };
-        told.map(tell).collect()
+        records.iter().filter_map(tell).collect()
     }
 }
 

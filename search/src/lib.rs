@@ -103,11 +103,21 @@ pub struct SearchSnapshot {
 }
 
 /// The configured search from each of `spaces`, at least one; several take turns.
-pub fn build_all(config: &SearchConfig, seed: u64, mut spaces: Vec<Space>) -> Box<dyn Search> {
+pub fn build_all(config: &SearchConfig, seed: u64, spaces: Vec<Space>) -> Box<dyn Search> {
+    build_joined(config, seed, spaces.into_iter().map(|space| (0, space)).collect())
+}
+
+/// The same where starts joined later: each with the number of rollouts before it, in rising order from 0.
+pub fn build_joined(
+    config: &SearchConfig,
+    seed: u64,
+    mut spaces: Vec<(u64, Space)>,
+) -> Box<dyn Search> {
     if spaces.len() == 1 {
-        return build(config, seed, spaces.remove(0));
+        return build(config, seed, spaces.remove(0).1);
     }
-    let searches = spaces.into_iter().map(|space| unmapped(config, seed, space)).collect();
+    let unmapped = |(after, space): (u64, Space)| (after, unmapped(config, seed, space));
+    let searches = spaces.into_iter().map(unmapped).collect();
     rewards::mapped(config.reward_map, Box::new(several::Several::new(searches)))
 }
 

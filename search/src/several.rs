@@ -3,6 +3,9 @@
 //! What one start leads to is a mode (Sec. 4.1). The searches share the rollouts but learn alone: in
 //! a hundred parameters a mixture fitted by EM cannot tell two ways apart from so few trials, while
 //! whoever demonstrates twice has told them apart already.
+//!
+//! A start may join later: it has its first turn in the rollout after those it came after, and the rollouts
+//! before belong to whom they belonged.
 
 use std::collections::BTreeSet;
 
@@ -16,21 +19,42 @@ const RECENT: usize = 10;
 
 pub(super) struct Several {
     searches: Vec<Box<dyn Search>>,
+    /// After how many rollouts each joined, in rising order; the first one after none.
+    joined: Vec<u64>,
     /// The newest rewards of each.
     recent: Vec<Vec<f64>>,
 }
 
 impl Several {
-    /// Precondition: at least one search.
-    pub fn new(searches: Vec<Box<dyn Search>>) -> Several {
+    /// Each with the number of rollouts after which it joined. Precondition: at least one search, the first
+    /// of which joined after none, and rising numbers.
+    pub fn new(searches: Vec<(u64, Box<dyn Search>)>) -> Several {
+        let (joined, searches): (Vec<u64>, Vec<Box<dyn Search>>) = searches.into_iter().unzip();
         let recent = vec![Vec::new(); searches.len()];
-        Several { searches, recent }
+        Several { searches, joined, recent }
     }
 
-    /// Which search rollout `rollout` belongs to, and its number there.
+    /// Which search rollout `rollout` belongs to, and its number there. Between two joins the searches take
+    /// turns, those first that have just joined.
     fn place(&self, rollout: u64) -> (usize, u64) {
-        let (n, k) = (rollout - 1, self.searches.len() as u64);
-        ((n % k) as usize, n / k + 1)
+        let mut own = vec![0_u64; self.searches.len()];
+        let mut begin = 0;
+        loop {
+            // Those of this stage: the first ones joined before it.
+            let n_before = self.joined.iter().filter(|after| **after < begin).count() as u64;
+            let n = self.joined.iter().filter(|after| **after <= begin).count() as u64;
+            let end = self.joined.iter().copied().find(|after| *after > begin).unwrap_or(u64::MAX);
+            let turn = |offset: u64| ((n_before + offset) % n) as usize;
+            let length = end.min(rollout) - begin;
+            // In whole rounds everybody has one turn; then the rest.
+            own[..n as usize].iter_mut().for_each(|count| *count += length / n);
+            (0..length % n).for_each(|offset| own[turn(offset)] += 1);
+            if rollout <= end {
+                let whose = turn(length - 1);
+                return (whose, own[whose]);
+            }
+            begin = end;
+        }
     }
 
     /// Mean reward of the newest trials of search `k`; above the worst of them all if that one is
@@ -100,7 +124,7 @@ impl Search for Several {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{SearchConfig, Space, build_all};
+    use crate::{SearchConfig, Space, build_all, build_joined};
 
     /// Hills of height 1 at (4, 4) and 0.8 at (−4, −4).
     fn reward(theta: &DVector<f64>) -> f64 {
@@ -131,5 +155,44 @@ mod tests {
             assert!((mode.mean.add_scalar(-x)).norm() < 1.0, "{}", mode.mean);
         }
         assert_eq!(search.mean(), &modes[0].mean);
+    }
+
+    #[test]
+    fn who_joins_later_is_first_and_leaves_the_rollouts_before_to_the_others() {
+        let search = |after| {
+            let space = Space::white(DVector::zeros(1));
+            (after, crate::build(&SearchConfig::default(), 1, space))
+        };
+        let places = |joined: &[u64]| -> Vec<(usize, u64)> {
+            let several = Several::new(joined.iter().map(|after| search(*after)).collect());
+            (1..=9).map(|rollout| several.place(rollout)).collect()
+        };
+        let plain = [(0, 1), (1, 1), (0, 2), (1, 2), (0, 3), (1, 3), (0, 4), (1, 4), (0, 5)];
+        assert_eq!(places(&[0, 0]), plain);
+        let late = [(0, 1), (0, 2), (0, 3), (1, 1), (0, 4), (1, 2), (0, 5), (1, 3), (0, 6)];
+        assert_eq!(places(&[0, 3]), late);
+        let twice = [(0, 1), (1, 1), (0, 2), (2, 1), (0, 3), (3, 1), (0, 4), (1, 2), (2, 2)];
+        assert_eq!(places(&[0, 1, 3, 5]), twice);
+    }
+
+    /// What was told before somebody joined is told again to the same search, and proposes the same.
+    #[test]
+    fn a_start_that_joins_changes_nothing_for_the_others() {
+        let spaces = |joined: &[(u64, f64)]| {
+            let space = |(after, x): &(u64, f64)| (*after, Space::white(DVector::repeat(2, *x)));
+            joined.iter().map(space).collect::<Vec<_>>()
+        };
+        let mut alone = build_joined(&SearchConfig::default(), 1, spaces(&[(0, 3.0)]));
+        let mut both = build_joined(&SearchConfig::default(), 1, spaces(&[(0, 3.0), (30, -3.0)]));
+        for rollout in 1..=30 {
+            let theta = alone.ask(rollout).theta;
+            assert_eq!(both.ask(rollout).theta, theta);
+            let (reward, success, measured) = (reward(&theta), false, Vec::new());
+            let trial = Trial { rollout, theta, reward, success, measured };
+            alone.tell(&trial);
+            both.tell(&trial);
+        }
+        assert_eq!(both.ask(31).theta, DVector::repeat(2, -3.0), "the new start");
+        assert_eq!(both.ask(32).theta, alone.ask(31).theta);
     }
 }

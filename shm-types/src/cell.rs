@@ -7,8 +7,10 @@
 //! # Ok::<(), shm_types::cell::CellError>(())
 //! ```
 
+use std::ffi::OsString;
 use std::fs::{self, File, OpenOptions};
 use std::io::ErrorKind;
+use std::os::unix::ffi::OsStringExt;
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -24,6 +26,8 @@ use crate::generation::{remove_shared_memory, shared_memory, sweep};
 /// a cell's directory.
 const MAX_DIR_LEN: usize = 47;
 const MAX_NAME_LEN: usize = 24;
+/// The file that names the folder of the learner's session.
+const SESSION: &str = "session";
 /// A lock that is held for longer than so many looks is that of another process in this role.
 const LOOKS: usize = 20;
 const LOOK: Duration = Duration::from_millis(5);
@@ -211,6 +215,20 @@ impl Cell {
 
     pub(crate) fn dir(&self) -> &Path {
         &self.dir
+    }
+
+    /// Tells those who look at the cell in which folder its learner keeps its session.
+    pub fn tell_session(&self, folder: &Path) -> Result<(), CellError> {
+        let (draft, path) = (self.dir.join("session.new"), self.dir.join(SESSION));
+        fs::write(&draft, folder.as_os_str().as_encoded_bytes())
+            .and_then(|()| fs::rename(&draft, &path))
+            .map_err(|cause| CellError::Io { path, cause })
+    }
+
+    /// The folder of the session that the cell's learner works on, or worked on last.
+    pub fn session(&self) -> Option<PathBuf> {
+        let bytes = fs::read(self.dir.join(SESSION)).ok()?;
+        Some(PathBuf::from(OsString::from_vec(bytes)))
     }
 
     /// What there is of the cell on this machine, shared memory included.

@@ -9,10 +9,13 @@ use iceoryx2::prelude::ZeroCopySend;
 pub const TELEMETRY_TICKS: usize = 20;
 
 /// Values of [`Heartbeat::waits`]: for nothing that its controller does not know of, for a disk that
-/// refuses what was learnt, or for a judge that takes its time.
+/// refuses what was learnt, for a judge that takes its time, or for a person who is to rate a rollout. One
+/// that asks for a demonstration goes on meanwhile.
 pub const WAITS_NOT: u64 = 0;
 pub const WAITS_DISK: u64 = 1;
 pub const WAITS_JUDGE: u64 = 2;
+pub const WAITS_RATING: u64 = 3;
+pub const ASKS_DEMONSTRATION: u64 = 4;
 
 message! {
     /// One tick as an observer sees it.

@@ -16,6 +16,26 @@ pub struct DemoArgs {
 pub enum DemoVerb {
     /// Make a demonstration from a recording of joint angles or poses
     Import(ImportArgs),
+    /// Give a session one more demonstration to start from
+    Add(AddArgs),
+}
+
+#[derive(Args)]
+#[command(after_help = "\
+Example:
+  skillet demo add sessions/pancake-1 my_demo.csv
+
+The demonstration must fit the session: same arm, same length, as `skillet demo import` writes it. From the
+next rollout on the search takes turns between its starts, this one first. A running learner takes it
+between two rollouts, otherwise it counts when the session is resumed.")]
+pub struct AddArgs {
+    /// Session folder
+    pub session: PathBuf,
+    /// Demonstration (CSV)
+    pub file: PathBuf,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
 }
 
 #[derive(Args)]

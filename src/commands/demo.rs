@@ -1,21 +1,50 @@
-//! `skillet demo`: demonstrations from recordings.
+//! `skillet demo`: demonstrations from recordings, and for sessions.
 
 use anyhow::{Context, Result, bail};
 use learner::Demonstration;
 use physics::arm::{ArmModel, kinematics};
 
 use crate::Verdict;
-use crate::cli::demo::{DemoArgs, DemoVerb, ImportArgs};
+use crate::cli::demo::{AddArgs, DemoArgs, DemoVerb, ImportArgs};
 use crate::config::Config;
 use crate::demo::{self, Effort, Options, Summary};
 use crate::output::{print, print_json, write_new};
+use crate::session_folder::SessionFolder;
 use crate::stderr::say;
-use crate::{holding, setup};
+use crate::{holding, people, setup};
 
 pub fn run(args: &DemoArgs) -> Result<Verdict> {
     match &args.verb {
         DemoVerb::Import(args) => import(args),
+        DemoVerb::Add(args) => add(args),
     }
+}
+
+/// Gives a session one more demonstration, which its arm can follow.
+fn add(args: &AddArgs) -> Result<Verdict> {
+    let folder = SessionFolder::open(&args.session)?;
+    let config = Config::load(Some(&folder.config_path()))?;
+    let file = args.file.display().to_string();
+    if !config.has_arm() {
+        bail!("{}: its task has no arm that could be shown a movement", args.session.display());
+    }
+    let text = std::fs::read_to_string(&args.file)
+        .with_context(|| format!("{file}: cannot read the demonstration; check the path"))?;
+    let demonstration = Demonstration::parse(&file, &text)?;
+    let model = setup::arm(&config)?;
+    setup::check_demonstration(&config, &model, &demonstration)?;
+    setup::check_as_long(&demonstration, &setup::demonstrations(&config)?[0])?;
+    let effort = Effort::of(&model, &config.plant.start_posture(), &demonstration)?;
+    if !effort.is_within_limits() {
+        return Err(effort.excess(&file, None));
+    }
+    let answer = people::show(&folder, &args.file, text)?;
+    if args.json {
+        print_json(&answer.json())?;
+    } else {
+        print(&format!("{file}: {}\n", answer.sentence()))?;
+    }
+    Ok(Verdict::Done)
 }
 
 fn import(args: &ImportArgs) -> Result<Verdict> {

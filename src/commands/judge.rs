@@ -1,4 +1,6 @@
-//! `skillet judge`: stored trials, judged once more.
+//! `skillet judge`: a rollout that a person rates; stored trials, judged once more.
+
+use std::path::Path;
 
 use anyhow::{Result, bail};
 use learner::judge::{Verdict as Judging, list};
@@ -12,20 +14,42 @@ use crate::config::judge::REWARD;
 use crate::config::{Config, JudgeConfig};
 use crate::judging;
 use crate::output::{print, print_json};
+use crate::people::{self, Word};
 use crate::session_folder::SessionFolder;
 
 /// Trials listed one by one; the others are counted.
 const LISTED: usize = 20;
 
 pub fn run(args: &JudgeArgs) -> Result<Verdict> {
-    let folder = SessionFolder::open(&args.again)?;
-    let config = Config::load(Some(&args.config))?;
+    match (&args.session, args.word.word(), &args.again, &args.config) {
+        (Some(session), Some(word), ..) => rate(session, args.rollout, word, args.json),
+        (_, _, Some(session), Some(config)) => again(session, config, args.json),
+        _ => bail!("name a session and a rating, or --again with --config"),
+    }
+}
+
+fn rate(session: &Path, rollout: Option<u64>, word: Word, as_json: bool) -> Result<Verdict> {
+    let rated = people::rate(&SessionFolder::open(session)?, rollout, word)?;
+    if as_json {
+        let mut object = rated.answer.json();
+        object["rollout"] = json!(rated.rollout);
+        object["rating"] = json!(rated.rating);
+        print_json(&object)?;
+    } else {
+        print(&format!("{}\n", rated.sentence()))?;
+    }
+    Ok(Verdict::Done)
+}
+
+fn again(session: &Path, config_path: &Path, as_json: bool) -> Result<Verdict> {
+    let folder = SessionFolder::open(session)?;
+    let config = Config::load(Some(config_path))?;
     let store = open(folder.dir(), &folder.database())?;
     let task = &store.meta().task;
     if config.task.name != *task {
         bail!(
             "{}: task.name is {}, but the session is one of the task {task}",
-            args.config.display(),
+            config_path.display(),
             config.task.name
         );
     }
@@ -35,7 +59,7 @@ pub fn run(args: &JudgeArgs) -> Result<Verdict> {
         bail!(
             "{}: task.judge.program is not asked about stored trials, and this session was judged by none: \
              write task.judge.reward over what was measured ({})",
-            args.config.display(),
+            config_path.display(),
             list(measures)
         );
     }
@@ -43,7 +67,7 @@ pub fn run(args: &JudgeArgs) -> Result<Verdict> {
     let trials = store.trials()?;
     let measured = trials.iter().filter(|trial| !trial.measures.is_empty());
     let judged: Vec<Again> = measured.map(|trial| Again::of(trial, judge.as_ref())).collect();
-    if args.json {
+    if as_json {
         print_json(&judged.iter().map(Again::json).collect::<Vec<_>>())?;
     } else {
         print(&text(&judged, trials.len() - judged.len()))?;
@@ -66,7 +90,7 @@ impl Again<'_> {
 
     /// Of a trial that was judged before.
     fn before(&self) -> Option<(bool, f64)> {
-        (!self.trial.set_aside).then_some((self.trial.judged_success, self.trial.reward))
+        (!self.trial.set_aside).then_some((self.trial.own_success, self.trial.own_reward))
     }
 
     fn is_same_success(&self) -> bool {

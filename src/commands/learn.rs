@@ -33,7 +33,7 @@ use crate::session_folder::SessionFolder;
 use crate::signals::{Who, stop_flag};
 use crate::stderr::say;
 use crate::summary::Summary;
-use crate::{commands, external, judging, setup};
+use crate::{commands, external, health, judging, setup};
 
 const PRIVATE_CELL: &str = "learn-";
 const WATCH: Duration = Duration::from_millis(50);
@@ -268,7 +268,7 @@ fn watch(
         match lines.recv_timeout(WATCH) {
             Ok(line) => {
                 trials += show(&line, progress)?;
-                held.looked = Instant::now();
+                (held.looked, held.asked) = (Instant::now(), None);
                 continue;
             }
             Err(RecvTimeoutError::Timeout) => held.look(progress),
@@ -311,17 +311,19 @@ fn watch(
     }
 }
 
-/// Looks now and then whether the arm is held, while no trial comes, and says so once.
+/// Looks now and then, while no trial comes, whether the arm is held or somebody is asked, and says so once.
 struct Held<'a> {
     cell: &'a Cell,
     /// Or since when there was no reason to.
     looked: Instant,
     told: u64,
+    /// What the learner asks of people.
+    asked: Option<String>,
 }
 
 impl Held<'_> {
     fn new(cell: &Cell) -> Held<'_> {
-        Held { cell, looked: Instant::now(), told: 0 }
+        Held { cell, looked: Instant::now(), told: 0, asked: None }
     }
 
     fn look(&mut self, progress: &Progress) {
@@ -340,6 +342,11 @@ impl Held<'_> {
             ));
         }
         self.told = status.latched_fault;
+        let asks = health::people(status.learner_waits, self.cell.name());
+        if let Some(asks) = asks.as_ref().filter(|_| asks != self.asked) {
+            progress.note(asks);
+        }
+        self.asked = asks;
     }
 }
 

@@ -19,6 +19,7 @@ use shm_types::service_manager::{Notice, notify};
 use crate::Verdict;
 use crate::cli::{LearnerArgs, PaceArg};
 use crate::config::Config;
+use crate::config::judge::absolute;
 use crate::judging::command;
 use crate::progress::TrialLine;
 use crate::record::file::recover_left;
@@ -63,6 +64,8 @@ pub fn run(args: &LearnerArgs) -> Result<Verdict> {
     let _session = folder.lock()?;
     let cell = Cell::new(args.cell.as_deref().unwrap_or(&config.cell.name))?;
     let _lock = cell.lock(Role::Learner)?;
+    // For those who watch the cell and have something to say to its session.
+    cell.tell_session(&absolute(folder.dir()))?;
     let mut learner = open(&folder, &config)?;
 
     // A learner that waits for its controller is up.
@@ -229,6 +232,39 @@ fn report(event: &Event<'_>, line: &mut TrialLine, out: Option<&Sink>) {
         Event::AskedAgain { rollout, reason } => {
             tracing::warn!("rollout {rollout} asked for again: {reason}");
         }
+        Event::AwaitsRating { .. } | Event::Said { .. } | Event::StandsStill(_) => {
+            report_people(event, line);
+        }
+    }
+}
+
+/// What people said, and what the learner asks of them.
+fn report_people(event: &Event<'_>, line: &mut TrialLine) {
+    match event {
+        Event::AwaitsRating { rollout } => {
+            tell_manager("waiting for a rating");
+            tracing::info!(
+                "rollout {rollout} waits for a rating: `skillet judge SESSION --rate 7`"
+            );
+        }
+        Event::Said { taken, summary, next } => {
+            tell_manager("learning");
+            for one in *taken {
+                tracing::info!("{}, from rollout {next} on", one.text);
+            }
+            // Earlier trials may count for something else now.
+            let last = line.clone();
+            *line = TrialLine {
+                reward: last.reward,
+                success: last.success,
+                ..TrialLine::so_far(summary)
+            };
+        }
+        Event::StandsStill(true) => tracing::warn!(
+            "the search stands still: show it how, `skillet demo add SESSION file.csv`"
+        ),
+        Event::StandsStill(false) => tracing::info!("the search no longer stands still"),
+        _ => {}
     }
 }
 

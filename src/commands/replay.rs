@@ -95,8 +95,8 @@ impl Replayed {
         };
         self.measures.declared() == trial.measures.declared()
             && bits(&self.measures) == bits(&trial.measures)
-            && self.success == trial.judged_success
-            && self.reward.to_bits() == trial.reward.to_bits()
+            && self.success == trial.own_success
+            && self.reward.to_bits() == trial.own_reward.to_bits()
             && self.fault == trial.fault
             && self.records.len() as u64 == trial.n_records
     }

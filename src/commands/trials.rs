@@ -21,7 +21,9 @@ pub fn run(args: &TrialsArgs) -> Result<Verdict> {
     let (measures, task) = (&store.meta().measures, tasks::find(&store.meta().task));
     // One of another program's tasks has none that is known here.
     let units = task.map_or(&[][..], |task| task.action_units);
-    let rows: Vec<Row> = store.trials()?.iter().map(|trial| row(trial, measures, units)).collect();
+    let are_rated = store.meta().learner.people.takes_ratings();
+    let row = |trial: &TrialRecord| row(trial, are_rated, measures, units);
+    let rows: Vec<Row> = store.trials()?.iter().map(row).collect();
     if args.json {
         print_json(&rows.into_iter().map(Map::from_iter).collect::<Vec<_>>())?;
     } else if args.csv == Path::new("-") {
@@ -35,7 +37,7 @@ pub fn run(args: &TrialsArgs) -> Result<Verdict> {
 type Row = Vec<(String, Value)>;
 
 /// A measure that was not taken is null, in CSV nothing.
-fn row(trial: &TrialRecord, measures: &Declared, units: &[&str]) -> Row {
+fn row(trial: &TrialRecord, are_rated: bool, measures: &Declared, units: &[&str]) -> Row {
     let hex = |id: u64| json!(format!("{id:016x}"));
     let mut row: Row = [
         ("rollout", json!(trial.rollout)),
@@ -51,6 +53,11 @@ fn row(trial: &TrialRecord, measures: &Declared, units: &[&str]) -> Row {
     ]
     .map(|(name, value)| (name.to_string(), value))
     .into();
+    if are_rated {
+        // What people say of it, and what it would be worth without them.
+        row.push(("rating".into(), json!(trial.rating)));
+        row.push(("own_reward".into(), json!(trial.own_reward)));
+    }
     // Two columns of one name are one too many: a judge's program measures `reward` and `success`.
     let is_taken = |name: &str| row.iter().any(|(column, _)| column == name);
     let column = |name: &str| if is_taken(name) { format!("judge_{name}") } else { name.into() };

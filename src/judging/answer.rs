@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 
 use serde::Deserialize;
-use serde::de::Error;
 use serde_json::{Map, Value, json};
 use shm_types::measures::{Measure, Measures, TRUTH};
 
@@ -55,7 +54,7 @@ pub fn parse(line: &[u8], rollout: u64, own: &BTreeMap<String, String>) -> Resul
             "it answered `{}`, which is no answer ({}): write one line of JSON a rollout to standard output, \
              and everything else to standard error",
             words(line),
-            words(error.to_string().as_bytes())
+            words(error.as_bytes())
         )
     })?;
     if said.rollout != rollout {
@@ -86,10 +85,10 @@ pub fn parse(line: &[u8], rollout: u64, own: &BTreeMap<String, String>) -> Resul
 }
 
 /// An object; serde would take a list for one as well.
-fn read(line: &[u8]) -> Result<Line, serde_json::Error> {
+fn read(line: &[u8]) -> Result<Line, String> {
     match line.trim_ascii_start().first() {
-        Some(b'{') => serde_json::from_slice(line),
-        _ => Err(serde_json::Error::custom("it is no object")),
+        Some(b'{') => serde_json::from_slice(line).map_err(|error| error.to_string()),
+        _ => Err("it is no object".into()),
     }
 }
 

@@ -2,9 +2,10 @@
 //! would go on with, and what its repertoire has instead, without a rollout in between. On the split plant.
 
 use anyhow::Result;
+use learner::history::History;
 use learner::repertoire::serve;
 use learner::replay::{ask, told_anew};
-use learner::wish::{Wish, Wishes};
+use learner::wish::{Telling, Wish, Wishes};
 use nalgebra::DVector;
 use physics::arm::ArmModel;
 use physics::pancake::PancakeConfig;
@@ -124,18 +125,21 @@ impl World<'_> {
     fn follow(&self, wish: &Wish) -> Result<Vec<f64>> {
         let (config, problem) = (&self.bench.config.learner, &self.learnt.problem);
         let (mut search, mut telling) =
-            told_anew(config, problem, Some(wish), &self.learnt.trials)?;
+            told_anew(config, problem, Telling::new(Some(wish)), &self.learnt.trials)?;
         let before = &self.learnt.trials;
         let first = before.len() as u64 + 1;
         let wishes = Wishes::of(vec![(before.len() as u64, Some(wish.clone()))]);
+        let history = History { wishes, ..History::default() };
         let mut successes = Vec::new();
         for rollout in first..first + FOLLOWED {
-            let theta = ask(&mut search, problem, &wishes, before, rollout).theta;
+            let theta = ask(&mut search, problem, &history, before, rollout).theta;
             let judged = self.rollout(&theta, &self.bench.world)?;
             successes.push(f64::from(u8::from(judged.1)));
-            let trial = telling.trial(&record(rollout, &theta, judged), config.search.targets());
-            search.tell(&trial)?;
-            telling.was_told(&trial);
+            let record = record(rollout, &theta, judged);
+            if let Some(trial) = telling.trial(&record, config.search.targets()) {
+                search.tell(&trial)?;
+                telling.was_told(&trial);
+            }
         }
         Ok(successes)
     }

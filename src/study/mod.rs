@@ -15,6 +15,7 @@ mod literal;
 mod niching;
 mod pancake;
 mod peaks;
+mod ratings;
 mod repertoire;
 mod robots;
 mod run;
@@ -96,6 +97,12 @@ pub const STUDIES: &[Study] = &[
         "pancake flipping learnt from measures, with good and bad predictions and with none",
         1,
         aim::run_seed,
+    ),
+    table_of(
+        "ratings",
+        "pancake flipping from a person's ratings alone, some of them wrong",
+        1,
+        ratings::run_seed,
     ),
     table_of(
         "repertoire",

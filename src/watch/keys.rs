@@ -1,4 +1,5 @@
 //! What the keys of the terminal view do: each is a command of the tool, on a thread of its own.
+//! A rating is a letter to the session of the cell's learner.
 
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -10,6 +11,9 @@ use shm_types::command::{
     COMMAND_UNPIN, Command,
 };
 use shm_types::ports::ToolPorts;
+
+use crate::people::{self, Word};
+use crate::session_folder::SessionFolder;
 
 const OPEN: Duration = Duration::from_secs(1);
 const TIMEOUT: Duration = Duration::from_secs(5);
@@ -24,6 +28,8 @@ pub enum Action {
     RollBack,
     Hold,
     Rearm,
+    /// Of the newest rollout that is shown.
+    Rate(Word),
 }
 
 /// What the bottom line asks.
@@ -32,13 +38,17 @@ pub enum Prompt {
     None,
     /// Number of the policy to activate, as typed so far.
     Number(String),
+    /// A rating from 0 to 10, as typed so far.
+    Rating(String),
     /// An action that wants a second key.
     Sure(Action),
 }
 
 impl Action {
-    fn command(self) -> Command {
+    /// `None` of what is not for the controller.
+    fn command(self) -> Option<Command> {
         let kind = match self {
+            Action::Rate(_) => return None,
             Action::Activate(_) => COMMAND_ACTIVATE,
             Action::Pin => COMMAND_PIN,
             Action::Unpin => COMMAND_UNPIN,
@@ -47,11 +57,11 @@ impl Action {
             Action::Rearm => COMMAND_REARM,
         };
         let command = Command::new(kind, RandomState::new().build_hasher().finish());
-        match self {
+        Some(match self {
             Action::Activate(policy_id) => Command { policy_id, at: AT_NOW, ..command },
             Action::RollBack => Command { at: AT_NOW, ..command },
             _ => command,
-        }
+        })
     }
 
     fn name(self) -> String {
@@ -62,6 +72,7 @@ impl Action {
             Action::RollBack => "roll back".into(),
             Action::Hold => "hold".into(),
             Action::Rearm => "re-arm".into(),
+            Action::Rate(_) => "rate".into(),
         }
     }
 }
@@ -79,11 +90,16 @@ impl Keys {
         Keys { cell: cell.clone(), said, says }
     }
 
-    pub fn send(&self, action: Action) {
+    /// `newest` is the newest rollout that is shown.
+    pub fn send(&self, action: Action, newest: Option<u64>) {
         let (cell, said) = (self.cell.clone(), self.said.clone());
         std::thread::spawn(move || {
+            let answer = match action {
+                Action::Rate(word) => rate(&cell, newest, word),
+                action => carry_out(&cell, action),
+            };
             // Whoever has left does not need the answer.
-            let _ = said.send(carry_out(&cell, action));
+            let _ = said.send(answer);
         });
     }
 
@@ -93,13 +109,22 @@ impl Keys {
     }
 }
 
+fn rate(cell: &Cell, newest: Option<u64>, word: Word) -> String {
+    let Some(folder) = cell.session() else {
+        return "rate: this cell has had no learner, so there is no session".into();
+    };
+    let rated = SessionFolder::open(&folder).and_then(|folder| people::rate(&folder, newest, word));
+    rated.map_or_else(|error| format!("rate: {error:#}"), |rated| rated.sentence())
+}
+
 fn carry_out(cell: &Cell, action: Action) -> String {
     let name = action.name();
+    let Some(command) = action.command() else { return format!("{name}: not the controller's") };
     let ports = match ToolPorts::open(cell, OPEN) {
         Ok(ports) => ports,
         Err(error) => return format!("{name}: {error}"),
     };
-    match ports.request(&action.command(), TIMEOUT) {
+    match ports.request(&command, TIMEOUT) {
         None => format!("{name}: no answer yet; see what is active above"),
         Some(reply) if reply.accepted != 1 => format!("{name}: refused: {}", reply.reason_text()),
         Some(reply) if reply.applied_tick > 0 => {

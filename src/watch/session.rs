@@ -49,16 +49,19 @@ impl WatchedSession {
             *self = WatchedSession { id: news.session, first_told, ..WatchedSession::default() };
         }
         self.rollouts = news.rollouts;
-        // What is told again, to a new controller's services, is known already.
-        if self.trials.back().is_none_or(|last| news.rollout > last.rollout) {
+        let success = news.has(TRIAL_SUCCESS);
+        let is_mean = news.has(TRIAL_MEAN);
+        let is_under_wish = news.has(TRIAL_UNDER_WISH);
+        let (rollout, reward) = (news.rollout, news.reward);
+        let trial = Trial { rollout, reward, success, is_mean, is_under_wish };
+        // What is told again, to a new controller's services or because somebody rated it, is known already.
+        if let Some(known) = self.trials.iter_mut().find(|known| known.rollout == rollout) {
+            *known = trial;
+        } else if self.trials.back().is_none_or(|last| rollout > last.rollout) {
             if first_told.elapsed() >= HISTORY {
                 self.last_told = Some(Instant::now());
             }
-            let success = news.has(TRIAL_SUCCESS);
-            let is_mean = news.has(TRIAL_MEAN);
-            let is_under_wish = news.has(TRIAL_UNDER_WISH);
-            let (rollout, reward) = (news.rollout, news.reward);
-            self.trials.push_back(Trial { rollout, reward, success, is_mean, is_under_wish });
+            self.trials.push_back(trial);
             if self.trials.len() > TRIALS {
                 self.trials.pop_front();
             }
@@ -134,6 +137,8 @@ mod tests {
         assert_eq!(watched.trials.len(), 3);
         assert_eq!(watched.best(), Some((8, 1.5)));
         assert_eq!(watched.success_last20(), 1.0 / 3.0);
+        watched.take(&news(1, 8, 1.75));
+        assert_eq!((watched.trials.len(), watched.best()), (3, Some((8, 1.75))), "rated since");
         let mut judged = TrialNews { n_modes: 1, ..news(1, 10, 0.1) };
         judged.modes[0] = ModeNews { best_rollout: 3, best_reward: 4.0, ..ModeNews::ZERO };
         watched.take(&judged);

@@ -3,6 +3,7 @@
 use std::time::{Duration, Instant};
 
 use anyhow::Result;
+use learner::people::BEST;
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyEventKind};
 use ratatui::crossterm::execute;
 use ratatui::crossterm::terminal::{
@@ -12,6 +13,7 @@ use ratatui::crossterm::terminal::{
 use super::keys::{Action, Keys, Prompt};
 use super::{Model, view};
 use crate::cell::NamedCell;
+use crate::people::Word;
 use crate::record::watcher::{Watcher, pause};
 
 /// Between two pictures.
@@ -74,7 +76,7 @@ fn press(key: KeyCode, prompt: &mut Prompt, model: &Model, keys: &Keys) -> bool 
     let is_pinned = model.vitals.status().is_some_and(|status| status.pinned == 1);
     let (next, action) = after(key, prompt, is_pinned);
     if let Some(action) = action {
-        keys.send(action);
+        keys.send(action, model.session.trials.back().map(|trial| trial.rollout));
     }
     *prompt = next;
     !(key == KeyCode::Char('q') && *prompt == Prompt::None)
@@ -95,6 +97,20 @@ fn after(key: KeyCode, prompt: &Prompt, is_pinned: bool) -> (Prompt, Option<Acti
             (Prompt::None, typed.parse().ok().map(Action::Activate))
         }
         (Prompt::Number(typed), _) => (Prompt::Number(typed.clone()), None),
+        (Prompt::Rating(typed), KeyCode::Char(c)) if c.is_ascii_digit() || c == '.' => {
+            (Prompt::Rating(format!("{typed}{c}")), None)
+        }
+        (Prompt::Rating(typed), KeyCode::Backspace) => {
+            (Prompt::Rating(typed[..typed.len().saturating_sub(1)].into()), None)
+        }
+        // What is no rating stays to be corrected.
+        (Prompt::Rating(typed), KeyCode::Enter) => match typed.parse::<f64>() {
+            Ok(rating) if (0.0..=BEST).contains(&rating) => {
+                (Prompt::None, Some(Action::Rate(Word::Rate(rating))))
+            }
+            _ => (Prompt::Rating(typed.clone()), None),
+        },
+        (Prompt::Rating(typed), _) => (Prompt::Rating(typed.clone()), None),
         (Prompt::Sure(action), KeyCode::Char('y')) => (Prompt::None, Some(*action)),
         (Prompt::Sure(_), _) => nothing,
         (Prompt::None, KeyCode::Char('a')) => (Prompt::Number(String::new()), None),
@@ -105,6 +121,12 @@ fn after(key: KeyCode, prompt: &Prompt, is_pinned: bool) -> (Prompt, Option<Acti
         // The one that must not wait for a second key.
         (Prompt::None, KeyCode::Char('h')) => (Prompt::None, Some(Action::Hold)),
         (Prompt::None, KeyCode::Char('e')) => (Prompt::Sure(Action::Rearm), None),
+        (Prompt::None, KeyCode::Char(digit)) if digit.is_ascii_digit() => {
+            (Prompt::Rating(digit.into()), None)
+        }
+        (Prompt::None, KeyCode::Char('+')) => (Prompt::None, Some(Action::Rate(Word::Better))),
+        (Prompt::None, KeyCode::Char('-')) => (Prompt::None, Some(Action::Rate(Word::Worse))),
+        (Prompt::None, KeyCode::Char('w')) => (Prompt::None, Some(Action::Rate(Word::Withdraw))),
         (Prompt::None, _) => nothing,
     }
 }
@@ -137,5 +159,20 @@ mod tests {
         let typed = [letter("a1"), vec![KeyCode::Backspace, KeyCode::Char('7'), KeyCode::Enter]];
         assert_eq!(type_keys(&typed.concat(), false).1, [Action::Activate(7)]);
         assert_eq!(type_keys(&[letter("a1"), vec![KeyCode::Esc]].concat(), false).0, Prompt::None);
+    }
+
+    #[test]
+    fn keys_become_ratings() {
+        let letter = |text: &str| text.chars().map(KeyCode::Char).collect::<Vec<_>>();
+        let with_enter = |text: &str| [letter(text), vec![KeyCode::Enter]].concat();
+        let rated = |rating| [Action::Rate(Word::Rate(rating))];
+        assert_eq!(type_keys(&with_enter("7"), false).1, rated(7.0));
+        assert_eq!(type_keys(&with_enter("10"), false).1, rated(10.0));
+        assert_eq!(type_keys(&with_enter("6.5"), false).1, rated(6.5));
+        let none = (Prompt::Rating("11".into()), vec![]);
+        assert_eq!(type_keys(&with_enter("11"), false), none, "it can be corrected");
+        for (key, word) in [("+", Word::Better), ("-", Word::Worse), ("w", Word::Withdraw)] {
+            assert_eq!(type_keys(&letter(key), false).1, [Action::Rate(word)], "at once");
+        }
     }
 }

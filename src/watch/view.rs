@@ -60,7 +60,8 @@ fn bottom_line(prompt: &Prompt) -> Line<'static> {
                 ("r", " roll back  "),
                 ("h", " hold  "),
                 ("e", " re-arm  "),
-                ("q", " quit"),
+                ("q", " quit  "),
+                ("0-9 + - w", " rate"),
             ];
             Line::from(
                 keys.into_iter()
@@ -70,6 +71,9 @@ fn bottom_line(prompt: &Prompt) -> Line<'static> {
         }
         Prompt::Number(typed) => {
             Line::from(format!("activate policy number: {typed}▏  Enter, Esc")).yellow()
+        }
+        Prompt::Rating(typed) => {
+            Line::from(format!("rating from 0 to 10: {typed}▏  Enter, Esc")).yellow()
         }
         Prompt::Sure(action) => Line::from(format!("{action:?}? y, or any other key")).yellow(),
     }

@@ -56,8 +56,9 @@ impl Learner {
     /// negative no more than the worst so far.
     pub fn refused(&mut self, reason: &str) -> Result<TrialReport, CompleteError> {
         let rewards = self.trials.iter().filter(|trial| !trial.set_aside).map(|trial| trial.reward);
-        let reward = rewards.fold(0.0, f64::min);
-        let trial = TrialRecord { fault: FAULT_POLICY_REFUSED, reward, ..self.not_executed()? };
+        let own_reward = rewards.fold(0.0, f64::min);
+        let fault = FAULT_POLICY_REFUSED;
+        let trial = self.seen(TrialRecord { fault, own_reward, ..self.not_executed()? });
         let note = note("refused", trial.rollout, reason);
         self.tell(&trial)?;
         self.record(trial, &[], Some(&note))
@@ -74,6 +75,10 @@ impl Learner {
             reward: 0.0,
             success: false,
             judged_success: false,
+            own_reward: 0.0,
+            own_success: false,
+            rating: None,
+            unrated: false,
             policy_id: policy.policy_id,
             policy_digest: policy.digest,
             boot_id: 0,
@@ -86,7 +91,7 @@ impl Learner {
         })
     }
 
-    /// The pending proposal is where the search starts: the demonstration, without exploration.
+    /// The pending proposal is where the session began: the demonstration, without exploration.
     pub fn asks_for_the_start(&self) -> bool {
         let starts = |(proposal, _): &(Proposal, _)| self.problem.starts_at(&proposal.theta);
         self.pending.as_ref().is_some_and(starts)

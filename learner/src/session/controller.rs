@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use shm_types::SCHEMA;
 use shm_types::service_manager::{Notice, notify};
-use shm_types::telemetry::Heartbeat;
+use shm_types::telemetry::{ASKS_DEMONSTRATION, Heartbeat, WAITS_NOT};
 
 use super::{Event, HOUSEKEEPING, Link, SessionError};
 
@@ -62,7 +62,10 @@ impl Link {
             pinned: 0,
             latched: 0,
             leaving: u64::from(is_leaving),
-            waits: self.waits,
+            waits: match self.waits {
+                WAITS_NOT if self.asks => ASKS_DEMONSTRATION,
+                waits => waits,
+            },
         };
         // Nobody listening is what the controller's own silence will tell.
         let _ = self.ports.beat.send_copy(beat);

@@ -8,8 +8,9 @@ use shm_types::policy::PolicyMsg;
 use thiserror::Error;
 
 use crate::error::LearnerError;
+use crate::learner::Taken;
 use crate::modes::ModeReport;
-use crate::summary::TrialReport;
+use crate::summary::{Summary, TrialReport};
 
 /// What an observer may want to know.
 #[derive(Debug)]
@@ -41,6 +42,19 @@ pub enum Event<'a> {
         rollout: u64,
         reason: String,
     },
+    /// Learning waits for somebody to rate this rollout.
+    AwaitsRating {
+        rollout: u64,
+    },
+    /// People have said something of rollouts, or shown another movement.
+    Said {
+        taken: &'a [Taken],
+        /// Of the trials as they count now, before proposal `next`.
+        summary: &'a Summary,
+        next: u64,
+    },
+    /// The search stands still and asks for a demonstration, or does no more.
+    StandsStill(bool),
     /// The disk refuses what was learnt or asked; tried again until it does not.
     NotStored(String),
     Stored,

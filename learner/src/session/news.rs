@@ -48,6 +48,13 @@ impl News {
         News::measures(ports, learner, newest);
     }
 
+    /// Tells trials again that count for something else than before.
+    pub fn again(&self, ports: &LearnerPorts, learner: &Learner, rollouts: &[u64]) {
+        for trial in learner.trials().iter().filter(|trial| rollouts.contains(&trial.rollout)) {
+            self.send(ports, learner, trial);
+        }
+    }
+
     fn send(&self, ports: &LearnerPorts, learner: &Learner, trial: &TrialRecord) {
         let mut modes = [ModeNews::ZERO; MAX_MODES];
         modes[..self.modes.len()].copy_from_slice(&self.modes);

@@ -1,5 +1,5 @@
-//! Sessions of formats 3 and 4. In 3 the pancake's thirteen measures were columns of every task; in 4 there
-//! were no wishes.
+//! Sessions of formats 3 to 5. In 3 the pancake's thirteen measures were columns of every task; in 4 there
+//! were no wishes; in 5 people said nothing.
 
 use std::path::{Path, PathBuf};
 
@@ -13,7 +13,8 @@ use super::{APPLICATION_ID, FORMAT_VERSION, StoreError, meta};
 use crate::judge::Declared;
 
 const FORMAT: i64 = 3;
-const WITHOUT_WISHES: i64 = 4;
+/// Formats since then, each with the tables that came with the next one.
+const SINCE: [(i64, &[&str]); 2] = [(4, &["wishes"]), (5, &["ratings", "demonstrations"])];
 /// Columns that are gone: the one that held a world's own number, and the pancake's.
 const VALUE: &str = "value";
 const FLAGS: &str = "outcome_flags";
@@ -43,19 +44,27 @@ pub(super) fn to_this_format(connection: &mut Connection, path: &Path) -> Result
     // A file that is no session at all is refused when it is opened.
     match (pragma("application_id"), pragma("user_version")) {
         (Ok(APPLICATION_ID), Ok(FORMAT)) => from_format_3(connection, path),
-        (Ok(APPLICATION_ID), Ok(WITHOUT_WISHES)) => {
-            from_format_4(connection).map_err(|error| StoreError::from_sql(path, error))
+        (Ok(APPLICATION_ID), Ok(found)) if SINCE.iter().any(|(format, _)| *format == found) => {
+            with_tables(connection, found).map_err(|error| StoreError::from_sql(path, error))
         }
         _ => Ok(()),
     }
 }
 
 /// Nothing is taken away, so nothing needs to be kept.
-fn from_format_4(connection: &mut Connection) -> rusqlite::Result<()> {
+fn with_tables(connection: &mut Connection, found: i64) -> rusqlite::Result<()> {
     let transaction = connection.transaction()?;
-    transaction.execute_batch(table("wishes"))?;
+    create_since(&transaction, found)?;
     transaction.pragma_update(None, "user_version", FORMAT_VERSION)?;
     transaction.commit()
+}
+
+/// The tables that a session of the format `found` lacks.
+fn create_since(transaction: &Transaction<'_>, found: i64) -> rusqlite::Result<()> {
+    let missing = SINCE.iter().filter(|(format, _)| *format >= found);
+    missing
+        .flat_map(|(_, names)| *names)
+        .try_for_each(|name| transaction.execute_batch(table(name)))
 }
 
 /// How the schema creates a table.
@@ -91,9 +100,8 @@ fn kept_path(path: &Path) -> PathBuf {
 
 /// `Some` says what is damaged, and nothing was converted.
 fn convert(transaction: &Transaction<'_>, kept: &Path) -> rusqlite::Result<Option<String>> {
-    for name in ["measures", "wishes"] {
-        transaction.execute_batch(table(name))?;
-    }
+    transaction.execute_batch(table("measures"))?;
+    create_since(transaction, FORMAT)?;
     if let Some(detail) = seal::find_damage(transaction)? {
         return Ok(Some(detail));
     }

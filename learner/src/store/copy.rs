@@ -113,11 +113,11 @@ pub(super) fn open_better(path: &Path) -> Result<Store, StoreError> {
     }
 }
 
-/// Trials and proposals.
-fn progress(store: &Store) -> Result<(u64, u64), StoreError> {
-    let proposals = "SELECT count(*) FROM proposals";
-    let proposals: i64 = store.sql(store.connection.query_row(proposals, [], |row| row.get(0)))?;
-    Ok((store.trial_count()?, super::rows::integer(proposals)))
+/// Trials, then what people said, which takes a proposal back, then proposals.
+fn progress(store: &Store) -> Result<(u64, i64, i64), StoreError> {
+    let count = |query| store.sql(store.connection.query_row(query, [], |row| row.get(0)));
+    let said = "SELECT (SELECT count(*) FROM ratings) + (SELECT count(*) FROM demonstrations)";
+    Ok((store.trial_count()?, count(said)?, count("SELECT count(*) FROM proposals")?))
 }
 
 /// Anything but what a person has to put right first.

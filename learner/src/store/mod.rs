@@ -7,6 +7,7 @@ mod copy;
 mod error;
 mod meta;
 mod modes;
+mod people;
 mod read;
 mod rows;
 mod seal;
@@ -21,6 +22,7 @@ use shm_types::policy::PolicyMsg;
 use copy::{SecondCopy, copy_path};
 pub use error::StoreError;
 pub use meta::SessionMeta;
+pub use people::Added;
 pub use rows::{Event, PolicyKind, Step, TrialRecord};
 use rows::{insert_event, insert_policy, insert_proposal, insert_search, insert_trial};
 
@@ -28,7 +30,7 @@ use search::trial::Proposal;
 use shm_types::policy_json;
 
 /// Format of the session file; raised whenever an older program could not read it.
-pub const FORMAT_VERSION: i64 = 5;
+pub const FORMAT_VERSION: i64 = 6;
 /// "SKLT" in the file's header: how `file` and [`Store::open`] recognise a session.
 const APPLICATION_ID: i64 = 0x534b_4c54;
 /// Pages of changes after which they are moved into the file. That waits for the disk thrice, so it is to be

@@ -7,7 +7,6 @@ use shm_types::policy::PolicyMsg;
 use super::rows::{PolicyKind, blob, insert_policy, integer, signed, vector};
 use super::{Store, StoreError};
 use crate::modes::{ModeReport, assess, forbidden_by, mode_policy_id};
-use crate::wish::Telling;
 use search::Mode;
 
 impl Store {
@@ -82,10 +81,8 @@ impl Store {
         if modes.is_empty() {
             return Ok(Vec::new());
         }
-        let told = {
-            let telling = Telling::new(self.wishes()?.last());
-            telling.all(&self.trials()?, self.meta().learner.search.targets())
-        };
+        let telling = self.history()?.telling(u64::MAX);
+        let told = telling.all(&self.trials()?, self.meta().learner.search.targets());
         let forbidden = self.forbidden()?;
         let thetas = told.iter().map(|trial| &trial.theta).chain(&forbidden);
         let mut dims = modes.iter().map(|mode| &mode.mean).chain(thetas).map(|theta| theta.len());

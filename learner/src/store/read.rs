@@ -10,6 +10,7 @@ use super::rows::{
     Event, IS_MEAN, TRIAL_COLUMNS, TrialRecord, from_hex, integer, signed, trial_from_row, vector,
 };
 use super::{Store, StoreError, meta};
+use crate::history::History;
 use crate::path::{self, PathRow};
 use search::SearchSnapshot;
 use search::trial::Proposal;
@@ -43,15 +44,19 @@ impl Store {
         let rows = self.sql(statement.query_map([], trial_from_row))?;
         let trials = rows.map(|row| self.sql(row)?.map_err(|detail| self.corrupt(detail)));
         let mut trials = trials.collect::<Result<Vec<TrialRecord>, StoreError>>()?;
-        let (mut measures, wishes) = (self.measures()?, self.wishes()?);
+        let mut measures = self.measures()?;
         for trial in &mut trials {
             if let Some(values) = measures.remove(&trial.rollout) {
                 trial.measures = self.measured(trial.rollout, &values)?;
             }
-            let wish = wishes.of_rollout(trial.rollout);
-            trial.success &= wish.is_none_or(|wish| wish.holds(&trial.measures));
         }
+        self.history()?.show(&mut trials);
         Ok(trials)
+    }
+
+    /// As what its trials are seen.
+    pub fn history(&self) -> Result<History, StoreError> {
+        Ok(History { wishes: self.wishes()?, ratings: self.ratings()? })
     }
 
     /// What was measured of each trial, by name.

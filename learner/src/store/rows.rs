@@ -6,6 +6,7 @@ use shm_types::episode::FAULT_POLICY_REFUSED;
 use shm_types::measures::Measures;
 use shm_types::policy::PolicyMsg;
 
+use crate::modes::mode_policy_id;
 use crate::path::{self, PathRow};
 use crate::targets::measured;
 use search::SearchSnapshot;
@@ -38,11 +39,19 @@ impl PolicyKind {
 pub struct TrialRecord {
     pub rollout: u64,
     pub theta: DVector<f64>,
+    /// What it counts for, by the robot's judge and by people.
     pub reward: f64,
-    /// By the judge, and as it was wished then.
+    /// By both, and as it was wished then.
     pub success: bool,
-    /// By the judge alone.
+    /// By both, whatever was wished.
     pub judged_success: bool,
+    /// What the robot's own judge said.
+    pub own_reward: f64,
+    pub own_success: bool,
+    /// What people say of it, 0 to 10.
+    pub rating: Option<f64>,
+    /// Ratings alone count, and it has none: the search was not told.
+    pub unrated: bool,
     pub policy_id: u64,
     pub policy_digest: u64,
     /// Start of the controller that ran it; `applied_tick` counts from there.
@@ -68,6 +77,10 @@ impl TrialRecord {
             reward,
             success,
             judged_success: success,
+            own_reward: reward,
+            own_success: success,
+            rating: None,
+            unrated: false,
             policy_id: rollout,
             policy_digest: 0,
             boot_id: 0,
@@ -94,7 +107,7 @@ impl TrialRecord {
         counts.into_iter().chain(numbers.map(f64::to_bits)).collect()
     }
 
-    /// What the search learns from where nothing is wished, with what was measured of its `targets`.
+    /// What it counts for where nothing is wished, with what was measured of the search's `targets`.
     pub fn trial(&self, targets: &[Target]) -> Trial {
         let (rollout, theta, reward) = (self.rollout, self.theta.clone(), self.reward);
         let measured = measured(targets, &self.measures);
@@ -150,6 +163,10 @@ pub(super) fn trial_from_row(row: &Row<'_>) -> rusqlite::Result<Result<TrialReco
         reward,
         success: row.get(10)?,
         judged_success: row.get(10)?,
+        own_reward: reward,
+        own_success: row.get(10)?,
+        rating: None,
+        unrated: false,
         policy_id: integer(row.get(3)?),
         policy_digest,
         boot_id,
@@ -200,6 +217,29 @@ pub(super) fn insert_search(
     Ok(())
 }
 
+/// Forgets what was proposed and found after trial `after`: it was made with another view of the trials.
+/// `search` is what they say now.
+pub(super) fn see_anew(
+    transaction: &Transaction<'_>,
+    after: u64,
+    search: &SearchSnapshot,
+) -> rusqlite::Result<()> {
+    let beyond = [signed(after)];
+    transaction.execute("DELETE FROM proposals WHERE rollout > ?1", beyond)?;
+    let query = "DELETE FROM policies WHERE rollout > ?1 AND kind = 'trial'";
+    transaction.execute(query, beyond)?;
+    // So were the modes, whose policies are numbered by trials.
+    transaction.execute("DELETE FROM modes", [])?;
+    let query = "DELETE FROM policies WHERE policy_id BETWEEN ?1 AND ?2 AND kind = 'mode'";
+    let ids = [0, 99].map(|number| signed(mode_policy_id(after, number)));
+    transaction.execute(query, ids)?;
+    if after > 0 {
+        transaction.execute("DELETE FROM searches WHERE rollout = ?1", beyond)?;
+        insert_search(transaction, after, search)?;
+    }
+    Ok(())
+}
+
 pub(super) fn insert_event(transaction: &Transaction<'_>, event: &Event) -> rusqlite::Result<()> {
     let query = "INSERT INTO events (kind, text) VALUES (?1, ?2)";
     transaction.execute(query, [&event.kind, &event.text])?;
@@ -218,7 +258,7 @@ pub(super) fn insert_trial(
     transaction.prepare_cached(&query)?.execute(named_params! {
         ":rollout": signed(trial.rollout),
         ":theta": blob(&trial.theta),
-        ":reward": trial.reward,
+        ":reward": trial.own_reward,
         ":policy_id": signed(trial.policy_id),
         ":policy_digest": hex(trial.policy_digest),
         ":boot_id": hex(trial.boot_id),
@@ -226,7 +266,7 @@ pub(super) fn insert_trial(
         ":fault": signed(trial.fault),
         ":n_records": signed(trial.n_records),
         ":set_aside": trial.set_aside,
-        ":success": trial.judged_success,
+        ":success": trial.own_success,
         ":path": path::encode(path),
     })?;
     let query = "INSERT INTO measures (rollout, name, value) VALUES (?1, ?2, ?3)";

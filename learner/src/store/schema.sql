@@ -90,6 +90,27 @@ CREATE TABLE wishes (
     text TEXT NOT NULL
 ) STRICT;
 
+-- What people said of trials, in the order in which it took effect: a rating from 0 to 10, or none any more. The
+-- proposals after trial `after` know of it. `letter` is the message that said it.
+CREATE TABLE ratings (
+    id INTEGER PRIMARY KEY,
+    seal INTEGER,
+    letter TEXT NOT NULL,
+    after INTEGER NOT NULL,
+    rollout INTEGER NOT NULL REFERENCES trials (rollout),
+    rating REAL
+) STRICT;
+
+-- Demonstrations that were added: starts of the search from the trial after `after` on.
+CREATE TABLE demonstrations (
+    id INTEGER PRIMARY KEY,
+    seal INTEGER,
+    letter TEXT NOT NULL,
+    after INTEGER NOT NULL,
+    file TEXT NOT NULL,
+    text TEXT NOT NULL
+) STRICT;
+
 CREATE TABLE events (
     id INTEGER PRIMARY KEY,
     seal INTEGER,

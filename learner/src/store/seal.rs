@@ -6,7 +6,7 @@ use rusqlite::types::ValueRef;
 use shm_types::Digest;
 
 /// Every table; each has a column `seal` over all its others.
-const TABLES: [&str; 10] = [
+const TABLES: [&str; 12] = [
     "meta",
     "policies",
     "proposals",
@@ -16,6 +16,8 @@ const TABLES: [&str; 10] = [
     "modes",
     "forbidden",
     "wishes",
+    "ratings",
+    "demonstrations",
     "events",
 ];
 

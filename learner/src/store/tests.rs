@@ -45,6 +45,10 @@ pub(super) fn record(rollout: u64) -> TrialRecord {
         reward: 1.0 / 3.0,
         success: true,
         judged_success: true,
+        own_reward: 1.0 / 3.0,
+        own_success: true,
+        rating: None,
+        unrated: false,
         policy_id: rollout,
         policy_digest: policy(rollout).digest,
         boot_id: u64::MAX,
@@ -225,7 +229,7 @@ fn refuses_another_format_and_another_task() {
     assert!(error.contains("of the task `pancake`, not `skittles`"), "{error}");
     store.connection.pragma_update(None, "user_version", 99).unwrap();
     drop(store);
-    assert!(refusal(&path).contains("session format 99, this program writes 5"));
+    assert!(refusal(&path).contains("session format 99, this program writes 6"));
 }
 
 #[test]

@@ -1,8 +1,7 @@
 //! Wishes of a session: from which trial on its successes must be like what.
 
-use super::rows::{insert_search, integer, signed};
+use super::rows::{integer, see_anew, signed};
 use super::{Store, StoreError};
-use crate::modes::mode_policy_id;
 use crate::wish::{Wish, Wishes};
 use search::SearchSnapshot;
 
@@ -28,22 +27,10 @@ impl Store {
     pub fn put_wish(&mut self, text: &str, search: &SearchSnapshot) -> Result<(), StoreError> {
         let after = self.trial_count()?;
         self.transaction(|transaction| {
-            let beyond = [signed(after)];
-            transaction.execute("DELETE FROM proposals WHERE rollout > ?1", beyond)?;
-            let query = "DELETE FROM policies WHERE rollout > ?1 AND kind = 'trial'";
-            transaction.execute(query, beyond)?;
-            // So were the modes, whose policies are numbered by trials.
-            transaction.execute("DELETE FROM modes", [])?;
-            let query = "DELETE FROM policies WHERE policy_id BETWEEN ?1 AND ?2 AND kind = 'mode'";
-            let ids = [0, 99].map(|number| signed(mode_policy_id(after, number)));
-            transaction.execute(query, ids)?;
-            transaction.execute("DELETE FROM wishes WHERE after = ?1", beyond)?;
+            see_anew(transaction, after, search)?;
+            transaction.execute("DELETE FROM wishes WHERE after = ?1", [signed(after)])?;
             let query = "INSERT INTO wishes (after, text) VALUES (?1, ?2)";
             transaction.execute(query, (signed(after), text))?;
-            if after > 0 {
-                transaction.execute("DELETE FROM searches WHERE rollout = ?1", beyond)?;
-                insert_search(transaction, after, search)?;
-            }
             Ok(())
         })
     }

@@ -30,6 +30,19 @@ fn the_longest_cell_has_room_for_every_channel() {
 }
 
 #[test]
+fn a_cell_knows_the_session_of_its_learner_until_it_is_removed() {
+    let cell = Cell::new(&format!("told-{}", std::process::id())).unwrap();
+    assert_eq!(cell.session(), None);
+    let lock = cell.lock(Role::Learner).unwrap();
+    for folder in ["/a/session", "/another one/of üse"] {
+        cell.tell_session(Path::new(folder)).unwrap();
+        assert_eq!(cell.session(), Some(PathBuf::from(folder)));
+    }
+    drop(lock);
+    assert_eq!((cell.session(), cell.traces()), (None, Vec::new()));
+}
+
+#[test]
 fn roles_that_start_together_do_not_refuse_each_other() {
     for round in 0..50 {
         let cell = Cell::new(&format!("both-{}-{round}", std::process::id())).unwrap();

@@ -1,4 +1,4 @@
-//! Sessions as formats 3 and 4 wrote them, opened.
+//! Sessions as formats 3 to 5 wrote them, opened.
 
 use rusqlite::{Connection, OpenFlags};
 use shm_types::policy::PolicyMsg;
@@ -113,18 +113,25 @@ fn a_world_without_an_arm_keeps_its_number_under_its_name() {
 }
 
 #[test]
-fn a_session_of_format_4_gets_a_place_for_wishes() {
+fn a_session_of_a_later_format_gets_the_tables_that_it_lacks() {
     let directory = TempDir::new().unwrap();
     let path = session(&directory, "pancake");
     let trials = Store::open(&path).unwrap().trials().unwrap();
-    let connection = Connection::open(&path).unwrap();
-    connection.execute_batch("DROP TABLE wishes").unwrap();
-    connection.pragma_update(None, "user_version", WITHOUT_WISHES).unwrap();
-    drop(connection);
-    let store = Store::open(&path).unwrap();
-    assert_eq!(format(&path), FORMAT_VERSION);
-    assert!(store.wishes().unwrap().last().is_none());
-    assert_eq!(store.trials().unwrap(), trials);
+    for (before, lacks) in [(4, "wishes, ratings, demonstrations"), (5, "ratings, demonstrations")]
+    {
+        let connection = Connection::open(&path).unwrap();
+        for name in lacks.split(", ") {
+            connection.execute_batch(&format!("DROP TABLE {name}")).unwrap();
+        }
+        connection.pragma_update(None, "user_version", before).unwrap();
+        drop(connection);
+        let store = Store::open(&path).unwrap();
+        assert_eq!(format(&path), FORMAT_VERSION);
+        let history = store.history().unwrap();
+        assert!(history.wishes.last().is_none() && history.ratings.all().is_empty());
+        assert!(store.added().unwrap().is_empty());
+        assert_eq!(store.trials().unwrap(), trials);
+    }
 }
 
 #[test]

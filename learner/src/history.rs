@@ -1,0 +1,43 @@
+//! As what a session's trials are seen: under its wishes and its ratings, each of which holds from a rollout on.
+
+use crate::people::Ratings;
+use crate::store::TrialRecord;
+use crate::wish::{Telling, Wishes};
+
+/// Wishes and ratings of a session.
+#[derive(Clone, Debug, Default)]
+pub struct History {
+    pub wishes: Wishes,
+    pub ratings: Ratings,
+}
+
+impl History {
+    /// The proposal of `rollout` sees all trials but the newest as the one before it did.
+    pub fn changes_only_the_newest_at(&self, rollout: u64) -> bool {
+        !self.wishes.changes_at(rollout) && self.ratings.only_rates_the_newest_at(rollout)
+    }
+
+    /// How a search that proposes `rollout` is told of trials, from the first one on.
+    pub fn telling(&self, rollout: u64) -> Telling {
+        Telling::new(self.wishes.of_rollout(rollout)).under(self.ratings.view(rollout))
+    }
+
+    /// Puts into `trials` what counts now: success as it was wished for then.
+    pub fn show(&self, trials: &mut [TrialRecord]) {
+        let view = self.ratings.view(u64::MAX);
+        for trial in trials {
+            view.show(trial);
+            let wish = self.wishes.of_rollout(trial.rollout);
+            trial.success =
+                trial.judged_success && wish.is_none_or(|wish| wish.holds(&trial.measures));
+        }
+    }
+
+    /// The same for what the proposal of `rollout` knows, whatever is wished: for the repertoire.
+    pub fn seen(&self, trials: &[TrialRecord], rollout: u64) -> Vec<TrialRecord> {
+        let view = self.ratings.view(rollout);
+        let mut seen = trials.to_vec();
+        seen.iter_mut().for_each(|trial| view.show(trial));
+        seen
+    }
+}
