@@ -13,7 +13,7 @@ use util::document::{Document, Line, arguments, as_typed, commands, documents};
 use util::{Bench, Running, eventually};
 
 /// Tools of others, which documents may name and this test does not run.
-const OTHER_TOOLS: [&str; 5] = ["cargo", "sudo", "python3", "pip", "man"];
+const OTHER_TOOLS: [&str; 6] = ["cargo", "sudo", "python3", "pip", "man", "cd"];
 
 /// Where a command that is not run here is tested instead. Everything else is run.
 fn tested_elsewhere(arguments: &[&str]) -> Option<&'static str> {
@@ -22,6 +22,8 @@ fn tested_elsewhere(arguments: &[&str]) -> Option<&'static str> {
         ["learn", "pancake", ..] => Some("tests/learn.rs"),
         ["study", name, ..] if !name.starts_with('-') => Some("src/study"),
         ["bench", ..] => Some("tests/bench.rs"),
+        // They need MuJoCo.
+        ["learn", "custom", ..] => Some("tests/python.rs"),
         ["plant", ..] | ["controller", .., "external", "--pace", _] => Some("tests/plant.rs"),
         ["soak", ..] => Some("tests/soak.rs"),
         // Ratings count in sessions that were started so.

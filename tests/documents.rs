@@ -16,9 +16,14 @@ fn root() -> &'static Path {
 fn ready_configurations_are_valid() {
     let bench = Bench::new();
     let mut found = 0;
-    for entry in fs::read_dir(root().join("config")).unwrap().flatten() {
-        bench.ok(&["config", "--config", entry.path().to_str().unwrap()]);
-        found += 1;
+    for folder in ["config", "examples/peg", "examples/push"] {
+        for entry in fs::read_dir(root().join(folder)).unwrap().flatten() {
+            let path = entry.path();
+            if path.extension().is_some_and(|extension| extension == "toml") {
+                bench.ok(&["config", "--config", path.to_str().unwrap()]);
+                found += 1;
+            }
+        }
     }
     assert!(found >= 3);
 }

@@ -110,3 +110,42 @@ fn a_pancake_is_learnt_in_mujoco() {
     assert!(trials.iter().all(|trial| trial.was_executed()));
     assert!(trials.iter().any(|trial| trial.success), "no flip was caught");
 }
+
+/// What docs/peg.md promises: a task of one's own without Rust. The world draws the hole's place by the rollout, so
+/// that a trial can be repeated out of its turn.
+#[test]
+fn a_peg_is_learnt_by_python_and_toml_alone() {
+    let Some(python) = python_with("mujoco") else { return };
+    let bench = Bench::new();
+    let config = script("examples/peg/peg.toml").display().to_string();
+    let program = format!("{python} {}", script("examples/peg/plant.py").display());
+    let of_peg = ["--config", &config, "--plant-program", &program];
+    let judge = format!("{python} {}", script("examples/peg/judge.py").display());
+    let check = ["plant", "check", "--config", &config, "--samples", "200", "--program", &program];
+    let checked = bench.run(&check);
+    assert_eq!(checked.status.code(), Some(0), "{}", stderr(&checked));
+    let learn = ["learn", "custom", "--rollouts", "24", "--out", "s", "--judge", &judge];
+    bench.ok(&[&learn[..], &of_peg].concat());
+    let trials = bench.trials("s");
+    assert_eq!(trials.len(), 24);
+    assert!(trials.iter().all(|trial| trial.was_executed()));
+    let measured = |name: &str, i: usize| trials[i].measures.get(name).unwrap();
+    assert!(measured("force_n", 0) > 20.0 || measured("depth_m", 0) < 0.025, "it is stiff");
+    assert!(trials.iter().any(|trial| trial.success), "no peg went in");
+    let said = bench.ok(&["replay", "s", "--trial", "17"]);
+    assert!(said.contains("identical, bit for bit"), "{said}");
+}
+
+#[test]
+fn a_box_is_pushed_in_mujoco() {
+    let Some(python) = python_with("mujoco") else { return };
+    let bench = Bench::new();
+    let config = script("examples/push/push.toml").display().to_string();
+    let program = format!("{python} {}", script("examples/push/plant.py").display());
+    let learn = ["learn", "custom", "--rollouts", "6", "--out", "s", "--config", &config];
+    bench.ok(&[&learn[..], &["--plant-program", &program]].concat());
+    let trials = bench.trials("s");
+    let miss = trials.iter().map(|trial| trial.measures.get("miss_m").unwrap());
+    assert!(miss.clone().all(|miss| miss < 0.13) && trials.iter().all(|t| t.was_executed()));
+    assert!(miss.fold(f64::MAX, f64::min) < 0.06, "it was moved");
+}
