@@ -5,7 +5,7 @@ mod util;
 
 use std::time::Duration;
 
-use learner::people::Rating;
+use learner::ratings::Rating;
 use serde_json::Value;
 use util::{Bench, Running, bits, eventually, kill, stderr, text};
 

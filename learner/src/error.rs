@@ -7,7 +7,9 @@ use thiserror::Error;
 
 use crate::exploration::ExplorationError;
 use crate::expression::ParseError;
-use crate::judge::{AssessError, JudgeError};
+#[cfg(feature = "session")]
+use crate::judge::AssessError;
+use crate::judge::JudgeError;
 use crate::parameters::ParameterError;
 #[cfg(feature = "session")]
 use crate::store::StoreError;
@@ -78,6 +80,7 @@ pub enum CompleteError {
     Learner(LearnerError),
 }
 
+#[cfg(feature = "session")]
 impl CompleteError {
     /// What becomes of a rollout that has no verdict.
     pub(crate) fn not_judged(rollout: u64, error: JudgeError) -> CompleteError {

@@ -1,6 +1,6 @@
 //! As what a session's trials are seen: under its wishes and its ratings, each of which holds from a rollout on.
 
-use crate::people::Ratings;
+use crate::ratings::Ratings;
 use crate::store::TrialRecord;
 use crate::wish::{Telling, Wishes};
 

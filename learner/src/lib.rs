@@ -18,11 +18,13 @@ pub mod demonstration;
 mod error;
 pub mod exploration;
 pub mod expression;
+#[cfg(feature = "session")]
 pub mod history;
 pub mod initial_policy;
 pub mod judge;
 #[cfg(feature = "session")]
 pub mod learner;
+#[cfg(feature = "session")]
 pub mod mail;
 pub mod modes;
 pub mod parameters;
@@ -30,6 +32,8 @@ pub mod path;
 pub mod people;
 pub mod prediction;
 pub mod problem;
+#[cfg(feature = "session")]
+pub mod ratings;
 #[cfg(feature = "session")]
 pub mod repertoire;
 #[cfg(feature = "session")]

@@ -12,6 +12,7 @@ use crate::exploration::{Column, ExplorationKind, directions};
 use crate::initial_policy::initial_policy;
 use crate::parameters::{ParameterMap, PolicyIds};
 use crate::prediction::Predictor;
+#[cfg(feature = "session")]
 use crate::store::Added;
 use search::{Search, Space};
 
@@ -70,6 +71,7 @@ impl Problem {
     }
 
     /// The same problem with the starts that were `added` to it since.
+    #[cfg(feature = "session")]
     pub fn with_added(
         mut self,
         config: &LearnerConfig,

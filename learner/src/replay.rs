@@ -131,7 +131,8 @@ pub fn same_bits(a: &DVector<f64>, b: &DVector<f64>) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::people::{PeopleConfig, Rating, Ratings};
+    use crate::people::PeopleConfig;
+    use crate::ratings::{Rating, Ratings};
     use search::trial::Trial;
     use search::{Method, SearchConfig};
     use shm_types::measures::Measures;
@@ -167,7 +168,10 @@ mod tests {
         };
         assert_eq!(astray(&|trial| trial.theta[0] += 1e-9), 6);
         assert_eq!(astray(&|trial| trial.rollout = 7), 6);
-        assert!(astray(&|trial| trial.reward += 1.0) > 6, "another reward leads elsewhere, later");
+        assert!(
+            astray(&|trial| trial.own_reward += 1.0) > 6,
+            "another reward leads elsewhere, later"
+        );
     }
 
     /// A made-up session that is rated now and then: at once, late, otherwise, and not any more.

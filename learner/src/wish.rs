@@ -4,7 +4,7 @@ use shm_types::measures::{Measures, TRUTH};
 
 use crate::expression::{Expression, Kind, ParseError};
 use crate::judge::Declared;
-use crate::people::View;
+use crate::ratings::View;
 use crate::store::TrialRecord;
 use search::aim::Target;
 use search::trial::Trial;

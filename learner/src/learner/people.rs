@@ -6,8 +6,9 @@ use super::Learner;
 use crate::error::LearnerError;
 use crate::history::History;
 use crate::mail::Says;
-use crate::people::{BEST, Rating};
+use crate::people::BEST;
 use crate::problem::Problem;
+use crate::ratings::Rating;
 use crate::replay::told_anew;
 use crate::store::{Added, TrialRecord};
 

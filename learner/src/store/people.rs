@@ -4,7 +4,7 @@ use rusqlite::params;
 
 use super::rows::{Event, from_hex, hex, insert_event, integer, see_anew, signed};
 use super::{Store, StoreError};
-use crate::people::{Rating, Ratings};
+use crate::ratings::{Rating, Ratings};
 use search::SearchSnapshot;
 
 /// A demonstration that was added to a session, as it took effect.
