@@ -172,6 +172,11 @@ class Resuming(Case):
         connection.execute("INSERT INTO wishes (after, text) VALUES (3, 'apex_m > 0.3')")
         with self.assertRaisesRegex(skillet.SessionError, "--where"):
             session.refresh().search()
+        connection.execute("DELETE FROM wishes")
+        connection.execute("INSERT INTO ratings (letter, after, rollout, rating) VALUES ('a', 3, 2, 7.5)")
+        with self.assertRaisesRegex(skillet.SessionError, "people rated"):
+            session.refresh().search()
+        self.assertEqual(session.ratings, [(3, 2, 7.5)])
 
 
 class Several(Case):

@@ -10,6 +10,9 @@ def resume(session: Session) -> Search:
     if session.wishes:
         raise SessionError(f"{session.file}: its trials were proposed under a wish (--where), which only the tool can "
                            "retell: resume it with `skillet learn`")
+    if session.ratings or session._n_added:
+        raise SessionError(f"{session.file}: people rated its trials or added a demonstration, which only the tool can "
+                           "retell: resume it with `skillet learn`")
     search = Search._as_configured(session.learner, _demonstrations(session))
     trials = session.trials
     for i, rollout in enumerate(trials["rollout"].tolist()):

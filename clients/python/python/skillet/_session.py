@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from ._search import Search
 
 APPLICATION_ID = 0x534B_4C54
-FORMAT = 5
+FORMAT = 6
 PATH_DTYPE = np.dtype([
     ("t_s", "<f4"), ("position_m", "<f4", 3), ("rotation_rad", "<f4", 3), ("object_position_m", "<f4", 3),
     ("object_quaternion", "<f4", 4), ("attractor", "<f4", 6),
@@ -76,11 +76,15 @@ class Session:
             self._policies = read("SELECT policy_id, kind, rollout, digest FROM policies ORDER BY policy_id")
             self.wishes: list[str] = [text for text, in read("SELECT text FROM wishes ORDER BY after")]
             """What a success was wished to be like (`--where`), beside what its judge says."""
+            self.ratings: list[tuple[int, int, Optional[float]]] = read(
+                "SELECT after, rollout, rating FROM ratings ORDER BY id")
+            """What people said: known after so many trials, rollout, 0 to 10 or None where it was withdrawn."""
+            (self._n_added,), = read("SELECT count(*) FROM demonstrations")
             self.events: list[tuple[str, str]] = read("SELECT kind, text FROM events ORDER BY id")
         self.theta = _matrix(row[-1] for row in rows)
         """θ of every trial, (n, D), scaled units."""
         self.trials = self._table(rows, measured)
-        """One array a column, (n,): rollout, reward, success (by the judge), set_aside, fault, n_records, policy_id,
+        """One array a column, (n,): rollout, reward, success (by the judge, without ratings), set_aside, fault, n_records, policy_id,
         applied_tick, and every measure by its name (NaN where there is none). `pandas.DataFrame(session.trials)`."""
         return self
 
