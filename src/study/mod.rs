@@ -15,6 +15,7 @@ mod literal;
 mod niching;
 mod pancake;
 mod peaks;
+mod peers;
 mod ratings;
 mod repertoire;
 mod robots;
@@ -193,6 +194,12 @@ pub const STUDIES: &[Study] = &[
         "the settings drawn for each method of the study robots",
         1,
         robots::run_tuning_seed,
+    ),
+    table_of(
+        "peers",
+        "our searches beside pycma, pyribs, Optuna and nevergrad, through the Python package",
+        1,
+        peers::run_seed,
     ),
     table_of("niching", "all optima of the CEC 2013 functions F1 to F10", 2, niching::run_seed),
     table_of(
