@@ -1,10 +1,15 @@
 //! What the targets share: messages that are nearly right, the parts of a cell, folders in memory.
 
+use std::path::Path;
+
+use learner::Learner;
 use learner::config::LearnerConfig;
 use learner::judge::Judge;
 use learner::reward::RewardKind;
+use learner::store::SessionMeta;
 use physics::arm::ArmModel;
 use search::Method;
+use shm_types::episode::{EpisodeHeader, TickRecord};
 use shm_types::measures::{Measure, Measures};
 use shm_types::policy::{PolicyMsg, packed_index};
 use tempfile::TempDir;
@@ -90,6 +95,37 @@ pub fn action_session() -> LearnerConfig {
     config.search.method = Method::Tempered;
     config.reward.kind = RewardKind::Value;
     config
+}
+
+/// A session of `config` in `folder`, with a trial for each of `values`.
+pub fn session(folder: &Path, config: LearnerConfig, values: &[f64]) -> Learner {
+    let meta = SessionMeta {
+        task: "landscape".into(),
+        session_id: 7,
+        config_toml: String::new(),
+        measures: Vec::new(),
+        learner: config,
+    };
+    let mut learner = Learner::create(folder, meta, &[], judge()).expect("a new session");
+    for value in values {
+        let policy = learner.next_policy().expect("there is space");
+        let header = echo(&policy, 12, *value);
+        learner.complete(&policy, &header, &[TickRecord::ZERO; 12]).expect("asked for");
+    }
+    learner
+}
+
+/// The header of an episode of `policy`, in whose world `value` was measured.
+pub fn echo(policy: &PolicyMsg, n_records: u64, value: f64) -> EpisodeHeader {
+    EpisodeHeader {
+        session: policy.session,
+        rollout: policy.rollout,
+        policy_id: policy.policy_id,
+        policy_digest: policy.digest,
+        n_records,
+        measures: measured(value),
+        ..Default::default()
+    }
 }
 
 /// In memory, where there is such a place: the disk is not under test.

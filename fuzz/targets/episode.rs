@@ -2,36 +2,19 @@
 #![no_main]
 
 use learner::Learner;
-use learner::store::SessionMeta;
 use libfuzzer_sys::fuzz_target;
-use shm_types::episode::{EpisodeHeader, TickRecord};
-use skillet_fuzz::{action_session, folder, judge, measured, patched, split};
+use shm_types::episode::TickRecord;
+use skillet_fuzz::{action_session, echo, folder, judge, patched, session, split};
 
 fuzz_target!(|data: &[u8]| {
     let directory = folder();
-    let meta = SessionMeta {
-        task: "landscape".into(),
-        session_id: 7,
-        config_toml: String::new(),
-        measures: Vec::new(),
-        learner: action_session(),
-    };
-    let mut learner = Learner::create(directory.path(), meta, &[], judge()).expect("a new session");
+    let mut learner = session(directory.path(), action_session(), &[]);
     for change in data.chunks(120).take(8) {
         let policy = learner.next_policy().expect("there is space");
         assert_eq!(policy.validate(), Ok(()));
-        let echo = EpisodeHeader {
-            session: policy.session,
-            rollout: policy.rollout,
-            policy_id: policy.policy_id,
-            policy_digest: policy.digest,
-            n_records: 2,
-            measures: measured(0.5),
-            ..Default::default()
-        };
         let (mode, change) = split(change);
         let (in_header, in_records) = change.split_at(change.len().min(usize::from(mode & 7) * 11));
-        let header = patched(&echo, in_header);
+        let header = patched(&echo(&policy, 2, 0.5), in_header);
         let records = patched(&[TickRecord::ZERO; 2], in_records);
         if learner.complete(&policy, &header, &records).is_ok() {
             assert_eq!(learner.durable_rollout(), policy.rollout);

@@ -6,12 +6,10 @@ use std::sync::LazyLock;
 
 use learner::learner::SESSION_FILE;
 use learner::people::PeopleConfig;
-use learner::store::SessionMeta;
 use learner::{Learner, LearnerConfig};
 use libfuzzer_sys::fuzz_target;
 use search::Method;
-use shm_types::episode::{EpisodeHeader, TickRecord};
-use skillet_fuzz::{action_session, folder, judge, measured};
+use skillet_fuzz::{action_session, folder, judge, session};
 use tempfile::TempDir;
 
 static FOLDER: LazyLock<TempDir> = LazyLock::new(folder);
@@ -27,28 +25,7 @@ fn config() -> LearnerConfig {
 /// A session of three trials.
 fn sound() -> Vec<u8> {
     let folder = folder();
-    let meta = SessionMeta {
-        task: "landscape".into(),
-        session_id: 7,
-        config_toml: String::new(),
-        measures: Vec::new(),
-        learner: config(),
-    };
-    let mut learner = Learner::create(folder.path(), meta, &[], judge()).expect("a new session");
-    for value in [0.5, 0.1, 0.9] {
-        let policy = learner.next_policy().expect("there is space");
-        let header = EpisodeHeader {
-            session: policy.session,
-            rollout: policy.rollout,
-            policy_id: policy.policy_id,
-            policy_digest: policy.digest,
-            n_records: 12,
-            measures: measured(value),
-            ..Default::default()
-        };
-        learner.complete(&policy, &header, &[TickRecord::ZERO; 12]).expect("asked for");
-    }
-    drop(learner);
+    drop(session(folder.path(), config(), &[0.5, 0.1, 0.9]));
     fs::read(folder.path().join(SESSION_FILE)).expect("it was written")
 }
 

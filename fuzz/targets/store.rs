@@ -7,12 +7,11 @@ use std::sync::LazyLock;
 use learner::Learner;
 use learner::learner::SESSION_FILE;
 use learner::replay::Replayed;
-use learner::store::{SessionMeta, Store};
+use learner::store::Store;
 use libfuzzer_sys::fuzz_target;
 use rusqlite::Connection;
 use rusqlite::types::Value;
-use shm_types::episode::{EpisodeHeader, TickRecord};
-use skillet_fuzz::{action_session, folder, judge, measured, split};
+use skillet_fuzz::{action_session, folder, judge, session, split};
 use tempfile::TempDir;
 
 /// Tables with their columns; damage names one by its place.
@@ -45,27 +44,7 @@ static SOUND: LazyLock<Vec<u8>> = LazyLock::new(sound);
 /// A session of four trials with a fifth proposal pending.
 fn sound() -> Vec<u8> {
     let folder = folder();
-    let meta = SessionMeta {
-        task: "landscape".into(),
-        session_id: 7,
-        config_toml: String::new(),
-        measures: Vec::new(),
-        learner: action_session(),
-    };
-    let mut learner = Learner::create(folder.path(), meta, &[], judge()).expect("a new session");
-    for value in [0.5, 0.1, 0.9, 0.4] {
-        let policy = learner.next_policy().expect("there is space");
-        let header = EpisodeHeader {
-            session: policy.session,
-            rollout: policy.rollout,
-            policy_id: policy.policy_id,
-            policy_digest: policy.digest,
-            n_records: 12,
-            measures: measured(value),
-            ..Default::default()
-        };
-        learner.complete(&policy, &header, &[TickRecord::ZERO; 12]).expect("asked for");
-    }
+    let mut learner = session(folder.path(), action_session(), &[0.5, 0.1, 0.9, 0.4]);
     learner.next_policy().expect("there is space");
     drop(learner);
     fs::read(folder.path().join(SESSION_FILE)).expect("it was written")

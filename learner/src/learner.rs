@@ -89,20 +89,8 @@ impl Learner {
         store.record_event("created", source)?;
         let (history, trials) = (store.history()?, Vec::new());
         let (search, telling) = replay(&config, &problem, &history, &trials, &mut |_| {})?;
-        let mail = Mail::of(directory);
-        let pending = None;
-        let mut learner = Learner {
-            config,
-            problem,
-            search,
-            telling,
-            history,
-            judge,
-            store,
-            mail,
-            trials,
-            pending,
-        };
+        let replayed = Replayed { problem, search, telling, history, trials };
+        let mut learner = Learner::of(directory, config, store, judge, replayed);
         learner.follow_wish()?;
         learner.follow_judge()?;
         Ok(learner)
@@ -139,21 +127,8 @@ impl Learner {
         if found != expected {
             return Err(LearnerError::Judge(JudgeError::OtherMeasures { found, expected }));
         }
-        let Replayed { problem, search, telling, history, trials } =
-            Replayed::of(&store, demonstrations, judge.predictor(), on_told)?;
-        let (config, mail, pending) = (config.clone(), Mail::of(directory), None);
-        let mut learner = Learner {
-            config,
-            problem,
-            search,
-            telling,
-            history,
-            judge,
-            store,
-            mail,
-            trials,
-            pending,
-        };
+        let replayed = Replayed::of(&store, demonstrations, judge.predictor(), on_told)?;
+        let mut learner = Learner::of(directory, config.clone(), store, judge, replayed);
         learner.follow_wish()?;
         if let Some(stored) = learner.store.pending_proposal()? {
             learner.pending = Some(learner.reproduce(&stored)?);
@@ -162,6 +137,19 @@ impl Learner {
         learner.store.record_event("resumed", &text)?;
         learner.follow_judge()?;
         Ok(learner)
+    }
+
+    /// Of the session in `directory`, whose trials were told.
+    fn of(
+        directory: &Path,
+        config: LearnerConfig,
+        store: Store,
+        judge: Judge,
+        replayed: Replayed,
+    ) -> Learner {
+        let Replayed { problem, search, telling, history, trials } = replayed;
+        let (mail, pending) = (Mail::of(directory), None);
+        Learner { config, problem, search, telling, history, judge, store, mail, trials, pending }
     }
 
     /// Takes the wish of the configuration, where it is another one than before: from here on the search is

@@ -1,18 +1,20 @@
 //! A judge that takes its time, declines a rollout or breaks: what becomes of the episode, and what the diary
 //! says of it.
 
+mod common;
+
 use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::path::Path;
 
+use common::{episode, meta};
 use learner::config::LearnerConfig;
 use learner::judge::{AssessError, Assessor, Declared, Judge};
 use learner::learner::judged_by;
 use learner::reward::{RewardConfig, RewardKind};
-use learner::store::SessionMeta;
 use learner::{CompleteError, Learner, LearnerError};
 use shm_types::episode::{EpisodeHeader, TickRecord};
-use shm_types::measures::{Measure, Measures};
+use shm_types::measures::Measures;
 use shm_types::policy::PolicyMsg;
 use tempfile::TempDir;
 
@@ -57,28 +59,12 @@ fn config() -> LearnerConfig {
 }
 
 fn session(directory: &Path, answers: Vec<Result<f64, AssessError>>) -> Learner {
-    let meta = SessionMeta {
-        task: "landscape".into(),
-        session_id: 7,
-        config_toml: String::new(),
-        measures: Vec::new(),
-        learner: config(),
-    };
+    let meta = meta("landscape", 7, config());
     Learner::create(directory, meta, &[], judge("a", answers)).expect("a new session")
 }
 
 fn execute(policy: &PolicyMsg) -> (EpisodeHeader, Vec<TickRecord>) {
-    let value = policy.action[0];
-    let header = EpisodeHeader {
-        session: policy.session,
-        rollout: policy.rollout,
-        policy_id: policy.policy_id,
-        policy_digest: policy.digest,
-        n_records: 12,
-        measures: Measures::of([Measure { name: "height", unit: "1", value }]).unwrap(),
-        ..Default::default()
-    };
-    (header, vec![TickRecord::ZERO; 12])
+    episode(policy, policy.action[0])
 }
 
 #[test]

@@ -1,15 +1,15 @@
 //! Rewards below zero: stored as they are, learnt from, mapped, or refused with what to set.
 
+mod common;
+
 use std::path::Path;
 
+use common::{episode, meta, value_judge as judge};
 use learner::config::LearnerConfig;
-use learner::judge::Judge;
-use learner::reward::{RewardConfig, RewardKind};
-use learner::store::SessionMeta;
+use learner::reward::RewardKind;
 use learner::{CompleteError, Learner, LearnerError};
 use search::{Method, RewardMap, SearchConfig};
 use shm_types::episode::{EpisodeHeader, TickRecord};
-use shm_types::measures::{Measure, Measures};
 use shm_types::policy::PolicyMsg;
 use tempfile::TempDir;
 
@@ -20,19 +20,8 @@ fn action_session(directory: &Path, search: SearchConfig) -> Learner {
     let mut config = LearnerConfig { search, ..Default::default() };
     config.action.start = vec![1.0, 2.0];
     config.reward.kind = RewardKind::Value;
-    let meta = SessionMeta {
-        task: "landscape".into(),
-        session_id: SESSION,
-        config_toml: String::new(),
-        measures: Vec::new(),
-        learner: config,
-    };
+    let meta = meta("landscape", SESSION, config);
     Learner::create(directory, meta, &[], judge()).expect("a new session")
-}
-
-fn judge() -> Judge {
-    let reward = RewardConfig { kind: RewardKind::Value, ..Default::default() };
-    Judge::of_plant(&[("height", "1")], reward)
 }
 
 /// Tells the pending rollout a value that is always negative.
@@ -45,16 +34,7 @@ fn complete_with_a_cost(learner: &mut Learner) -> Result<f64, CompleteError> {
 fn execute_action(policy: &PolicyMsg) -> (EpisodeHeader, Vec<TickRecord>) {
     let [x, y] = [policy.action[0], policy.action[1]];
     let value = -1.0 - x * x - y * y;
-    let header = EpisodeHeader {
-        session: policy.session,
-        rollout: policy.rollout,
-        policy_id: policy.policy_id,
-        policy_digest: policy.digest,
-        n_records: 12,
-        measures: Measures::of([Measure { name: "height", unit: "1", value }]).unwrap(),
-        ..Default::default()
-    };
-    (header, vec![TickRecord::ZERO; 12])
+    episode(policy, value)
 }
 
 #[test]

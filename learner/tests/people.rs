@@ -1,25 +1,21 @@
 //! What people say of a session counts from where it was taken on, once, and the session resumes bit for bit
 //! whenever it is stopped.
 
+mod common;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use common::{episode, meta, value_judge as judge};
 use learner::config::LearnerConfig;
-use learner::judge::Judge;
 use learner::mail::{Mail, Says};
 use learner::people::PeopleConfig;
-use learner::reward::{RewardConfig, RewardKind};
-use learner::store::{SessionMeta, Store};
+use learner::reward::RewardKind;
+use learner::store::Store;
 use learner::{Demonstration, Learner};
 use shm_types::episode::{EpisodeHeader, TickRecord};
-use shm_types::measures::{Measure, Measures};
 use shm_types::policy::PolicyMsg;
 use tempfile::TempDir;
-
-fn judge() -> Judge {
-    let reward = RewardConfig { kind: RewardKind::Value, ..Default::default() };
-    Judge::of_plant(&[("height", "1")], reward)
-}
 
 /// With a short initial batch, so that a dozen trials have updated the search.
 fn config(weight: f64, wait: bool) -> LearnerConfig {
@@ -36,13 +32,7 @@ fn session(directory: &Path, config: &LearnerConfig, shown: &[Demonstration]) ->
     if directory.join("session.db").exists() {
         return Learner::resume(directory, "made up", config, shown, judge()).expect("it resumes");
     }
-    let meta = SessionMeta {
-        task: "made up".into(),
-        session_id: 7,
-        config_toml: String::new(),
-        measures: Vec::new(),
-        learner: config.clone(),
-    };
+    let meta = meta("made up", 7, config.clone());
     Learner::create(directory, meta, shown, judge()).expect("a new session")
 }
 
@@ -51,16 +41,7 @@ fn execute(policy: &PolicyMsg) -> (EpisodeHeader, Vec<TickRecord>) {
     let [x, y] = [policy.action[0], policy.action[1] - 1.0];
     let middle = policy.components[3].attractor[2];
     let value = if policy.n_actions > 0 { (-x * x - y * y).exp() } else { middle };
-    let header = EpisodeHeader {
-        session: policy.session,
-        rollout: policy.rollout,
-        policy_id: policy.policy_id,
-        policy_digest: policy.digest,
-        n_records: 12,
-        measures: Measures::of([Measure { name: "height", unit: "1", value }]).unwrap(),
-        ..Default::default()
-    };
-    (header, vec![TickRecord::ZERO; 12])
+    episode(policy, value)
 }
 
 fn step(learner: &mut Learner) {

@@ -1,14 +1,16 @@
 //! A session against a made-up controller: deterministic, resumable at any point, and deaf to
 //! episodes that are not its own.
 
+mod common;
+
 use std::path::Path;
 
+use common::meta;
 use learner::config::LearnerConfig;
 use learner::judge::Judge;
 use learner::learner::SESSION_FILE;
 use learner::modes::MODE_POLICY_ID;
 use learner::reward::{RewardConfig, RewardKind};
-use learner::store::SessionMeta;
 use learner::{CompleteError, Demonstration, Learner, LearnerError};
 use search::power::PowerConfig;
 use search::{Method, SearchConfig};
@@ -34,13 +36,7 @@ fn config(seed: u64) -> LearnerConfig {
 }
 
 fn create(directory: &Path, config: LearnerConfig) -> Learner {
-    let meta = SessionMeta {
-        task: "pancake".into(),
-        session_id: SESSION,
-        config_toml: String::new(),
-        measures: Vec::new(),
-        learner: config,
-    };
+    let meta = meta("pancake", SESSION, config);
     Learner::create(directory, meta, &[demonstration()], judge()).expect("a new session")
 }
 
