@@ -1,4 +1,4 @@
-//! Controller and learner as child processes: start, watch, end in order.
+//! Child processes, as controller and learner: how they are named, started, watched and ended in order.
 
 use std::ffi::{OsStr, OsString};
 use std::io::{BufRead, BufReader};
@@ -8,7 +8,7 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use rustix::process::{Pid, Signal, kill_process};
 
 /// How long a child may take to end after SIGTERM, before it is killed.
@@ -142,11 +142,7 @@ impl Service {
 
     /// Who died, how, and what it said last.
     pub fn obituary(&self, status: ExitStatus) -> String {
-        let how = match (status.code(), status.signal()) {
-            (Some(code), _) => format!("ended with exit code {code}"),
-            (None, Some(signal)) => format!("was killed by signal {signal}"),
-            (None, None) => "ended".into(),
-        };
+        let how = how_it_ended(status.code(), status.signal());
         let log = self.log.display();
         match tail(&self.log, LOG_TAIL) {
             tail if tail.is_empty() => format!("the {} {how}; its log {log} is empty", self.name),
@@ -160,6 +156,30 @@ impl Drop for Service {
         // Whatever path led here, no child is left behind.
         let _ = self.stop();
     }
+}
+
+/// By exit code or signal, in words.
+pub fn how_it_ended(code: Option<i32>, signal: Option<i32>) -> String {
+    match (code, signal) {
+        (Some(code), _) => format!("ended with exit code {code}"),
+        (None, Some(signal)) => format!("was killed by signal {signal}"),
+        (None, None) => "ended".into(),
+    }
+}
+
+/// Program and arguments of `command`, words apart by spaces; `empty` says what to do where there are none.
+pub fn words(command: &str, empty: &str) -> Result<Vec<String>> {
+    let words: Vec<String> = command.split_whitespace().map(str::to_string).collect();
+    if words.is_empty() {
+        bail!("{empty}");
+    }
+    Ok(words)
+}
+
+/// The interpreter of programs in Python: what `SKILLET_PYTHON` names, else `python3`.
+pub fn python() -> String {
+    let named = std::env::var("SKILLET_PYTHON").ok().filter(|python| !python.is_empty());
+    named.unwrap_or_else(|| "python3".into())
 }
 
 fn this_program() -> Result<PathBuf> {

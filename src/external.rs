@@ -16,7 +16,7 @@ use sha2::{Digest, Sha256};
 use shm_types::cell::Cell;
 use shm_types::plant::socket;
 
-use crate::children::Service;
+use crate::children::{self, Service};
 use crate::config::Config;
 use crate::setup;
 
@@ -49,11 +49,10 @@ pub fn expected(config: &Config, model: &ArmModel, is_simulated: bool) -> Result
 
 /// Program and arguments of `command`, words apart by spaces.
 pub fn words(command: &str) -> Result<Vec<String>> {
-    let words: Vec<String> = command.split_whitespace().map(str::to_string).collect();
-    if words.is_empty() {
-        bail!("the plant's program is empty: name one, as \"python3 examples/plant_mujoco.py\"");
-    }
-    Ok(words)
+    children::words(
+        command,
+        "the plant's program is empty: name one, as \"python3 examples/plant_mujoco.py\"",
+    )
 }
 
 /// What a plant that is started here is told: where its controller is, and the table `[plant]` with the session's seed, as JSON.

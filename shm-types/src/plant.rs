@@ -156,6 +156,11 @@ impl PlantHello {
         self.flags & PLANT_SIMULATED != 0
     }
 
+    /// A simulator that polls shared memory; a real arm sleeps between its samples.
+    pub fn polls(&self) -> bool {
+        self.is_simulated() && self.flags & PLANT_POLLS != 0
+    }
+
     /// For people.
     pub fn name(&self) -> String {
         text::unpack(&self.name)

@@ -8,10 +8,9 @@ use anyhow::{Result, bail};
 use rustix::fs::{Access, access};
 use sha2::{Digest, Sha256};
 
+use crate::children;
 use crate::config::JudgeConfig;
 
-/// The interpreter of a judge that is a file of Python.
-const PYTHON: &str = "SKILLET_PYTHON";
 /// Bytes of a file that tell it from others; a judge may be given whole sets of data.
 const MAX_BYTES: u64 = 64_000_000;
 
@@ -20,14 +19,12 @@ const MAX_BYTES: u64 = 64_000_000;
 pub fn words(command: &str) -> Result<Vec<String>> {
     let path = Path::new(command);
     if is_python(path) && path.is_file() {
-        let python = std::env::var(PYTHON).ok().filter(|python| !python.is_empty());
-        return Ok(vec![python.unwrap_or_else(|| "python3".into()), command.into()]);
+        return Ok(vec![children::python(), command.into()]);
     }
-    let words: Vec<String> = command.split_whitespace().map(str::to_string).collect();
-    if words.is_empty() {
-        bail!("the judge's program is empty: name one, as my_task.py or \"python3 my_task.py\"");
-    }
-    Ok(words)
+    children::words(
+        command,
+        "the judge's program is empty: name one, as my_task.py or \"python3 my_task.py\"",
+    )
 }
 
 fn is_python(path: &Path) -> bool {

@@ -14,6 +14,7 @@ use rustix::process::{Pid, Signal, WaitId, WaitIdOptions, kill_process_group, wa
 
 use super::answer::{MAX_BYTES, words};
 use super::last_words::LastWords;
+use crate::children::how_it_ended;
 
 /// This executable, also when another one has taken its place on the disk.
 const THIS_PROGRAM: &str = "/proc/self/exe";
@@ -217,11 +218,7 @@ impl Process {
     fn ended(&self) -> Ended {
         let options = WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT;
         let status = waitid(WaitId::Pid(Pid::from_child(&self.child)), options).ok().flatten()?;
-        Some(match (status.exit_status(), status.terminating_signal()) {
-            (Some(code), _) => format!("ended with exit code {code}"),
-            (None, Some(signal)) => format!("was killed by signal {signal}"),
-            (None, None) => "ended".into(),
-        })
+        Some(how_it_ended(status.exit_status(), status.terminating_signal()))
     }
 
     /// With everything that it has started.

@@ -20,7 +20,7 @@ use shm_types::cell::{Cell, Role};
 use shm_types::plant::line::Line as PlantLine;
 use shm_types::plant::shared::Host;
 use shm_types::plant::socket::{Buffer, Connection, Listener, Message};
-use shm_types::plant::{PLANT_POLLS, PlantHello, PlantState, PlantWelcome};
+use shm_types::plant::{PlantHello, PlantState, PlantWelcome};
 
 use crate::Verdict;
 use crate::children::Service;
@@ -174,7 +174,7 @@ fn introduce(
     bench.note("hello", true, format!("'{name}', {} joints, as the controller's", hello.n_joints));
     let mut welcome = PlantWelcome::accepted(1, expected.period_ns);
     let mut shared = None;
-    if expected.is_simulated && hello.flags & PLANT_POLLS != 0 {
+    if hello.polls() {
         let (end, invitation) = host.invite()?;
         (welcome, shared) = (welcome.inviting(&invitation), Some(end));
     }

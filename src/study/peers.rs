@@ -9,11 +9,12 @@ use std::process::{Command, Stdio};
 use anyhow::{Context, Result, bail};
 
 use super::Sample;
+use crate::children;
 
 const PROGRAM: &str = "clients/python/peers.py";
 
 pub fn run_seed(seed: u64) -> Result<Vec<Sample>> {
-    let python = std::env::var("SKILLET_PYTHON").unwrap_or_else(|_| "python3".into());
+    let python = children::python();
     run(&python, seed)
 }
 

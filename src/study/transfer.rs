@@ -13,6 +13,7 @@ use search::Search;
 use super::Sample;
 use super::pancake::{Bench, JUDGING, N_PERTURBED, share, summary};
 use super::runs::{Executed, trial};
+use crate::children;
 use crate::config::Config;
 use crate::config::plant::PlantKind;
 use crate::external::Started;
@@ -113,7 +114,7 @@ impl Simulator {
 /// A process with this world.
 fn mujoco(bench: &Bench, world: &PancakeConfig) -> Result<Box<dyn Plant>> {
     let mut config = bench.config.clone();
-    let python = std::env::var("SKILLET_PYTHON").unwrap_or_else(|_| "python3".into());
+    let python = children::python();
     let plant = &mut config.plant;
     (plant.kind, plant.program) = (PlantKind::External, vec![python, PROGRAM.into()]);
     plant.pancake_mass_kg = world.pancake_mass;

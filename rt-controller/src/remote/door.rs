@@ -12,9 +12,7 @@ use shm_types::channel::ChannelError;
 use shm_types::plant::line::Line;
 use shm_types::plant::shared::{Host, Shared};
 use shm_types::plant::socket::{Buffer, Connection, LinkError, Listener, Message, SocketError};
-use shm_types::plant::{
-    MODE_STOP, PLANT_POLLS, PlantCommand, PlantHello, PlantState, PlantWelcome,
-};
+use shm_types::plant::{MODE_STOP, PlantCommand, PlantHello, PlantState, PlantWelcome};
 
 use crate::remote::expected::{Expected, External};
 use crate::remote::{Arrival, Departure, DoorEnds, Ended};
@@ -177,7 +175,7 @@ impl Door {
         self.expected.check(&hello).map_err(|refused| format!("'{}': {refused}", hello.name()))?;
         let mut welcome = PlantWelcome::accepted(self.boot_id, self.expected.period_ns);
         let mut shared = None;
-        if self.expected.is_simulated && hello.flags & PLANT_POLLS != 0 {
+        if hello.polls() {
             match self.invite(stop) {
                 Ok(None) => {}
                 Ok(Some((end, invitation))) => {
