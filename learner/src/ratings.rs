@@ -109,7 +109,7 @@ impl View {
     /// ratings alone count and it has none.
     pub fn verdict(&self, trial: &TrialRecord) -> Option<(bool, f64)> {
         let own = (trial.own_success, trial.own_reward);
-        // A policy that was refused has failed, whoever judges.
+        // A policy that was refused has failed, with or without ratings.
         let is_judged = trial.fault == FAULT_POLICY_REFUSED || !self.config.takes_ratings_alone();
         match self.rating(trial.rollout).filter(|_| self.config.takes_ratings()) {
             _ if trial.set_aside => None,

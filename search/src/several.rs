@@ -2,7 +2,7 @@
 //!
 //! What one start leads to is a mode (Sec. 4.1). The searches share the rollouts but learn alone: in
 //! a hundred parameters a mixture fitted by EM cannot tell two ways apart from so few trials, while
-//! whoever demonstrates twice has told them apart already.
+//! two demonstrations tell them apart already.
 //!
 //! A start may join later: it has its first turn in the rollout after those it came after, and the rollouts
 //! before belong to whom they belonged.

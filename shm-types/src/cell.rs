@@ -245,7 +245,7 @@ impl Cell {
     }
 
     /// Waits for its turn among all processes that start or end in a cell of this user. It is the
-    /// runtime directory that is locked: a cell's own may be removed by whoever holds it.
+    /// runtime directory that is locked: a cell's own directory may be removed by the process that holds it.
     fn starting(&self) -> Result<File, CellError> {
         let path = self.dir.parent().unwrap_or(Path::new("."));
         let dir = File::open(path).and_then(|dir| {

@@ -145,13 +145,13 @@ fn service_name(name: &'static str) -> Result<ServiceName, ChannelError> {
     name.try_into().map_err(failed(name, "naming"))
 }
 
-/// Whoever creates a service writes the schema of its build into it.
+/// The schema of this build, written into a service by the process that creates it.
 fn written_schema(service: &'static str) -> Result<AttributeSpecifier, ChannelError> {
     let (key, value) = schema(service)?;
     AttributeSpecifier::new().define(&key, &value).map_err(failed(service, "defining a schema"))
 }
 
-/// Whoever joins it must be of the same.
+/// A process that joins a service must have the same schema.
 fn required_schema(service: &'static str) -> Result<AttributeVerifier, ChannelError> {
     let (key, value) = schema(service)?;
     AttributeVerifier::new().require(&key, &value).map_err(failed(service, "requiring a schema"))

@@ -16,7 +16,7 @@ use crate::channel::{ChannelError, Ipc, Member, PubSub, failed};
 /// There and back.
 const NAMES: [&str; 2] = ["skillet/echo-there", "skillet/echo-back"];
 
-/// One end. Who asks creates it, who echoes opens it.
+/// One end. The side that asks creates it, the side that echoes opens it.
 pub struct EchoPorts {
     sender: Publisher<Ipc, [u8], ()>,
     sent: Notifier<Ipc>,
