@@ -1,6 +1,6 @@
 """Skillet's search beside those of other packages, on the same rollouts of the built-in tasks.
 
-    pip install ./clients/python cma ribs optuna cmaes nevergrad scipy
+    pip install ./clients/python cma ribs optuna cmaes nevergrad scipy "numpy<2.4"
     python3 clients/python/peers.py --seeds 8 --out studies/peer-runs.jsonl  # a line a run; resumes
     python3 clients/python/peers.py --tune --out studies/peer-tuning.jsonl   # the step sizes of CHOSEN
 
@@ -19,14 +19,14 @@ try:
     import optuna
     from peer_methods import ENTRIES, METHODS, TUNED, World
 except ImportError as error:
-    sys.exit(f"study peers: {error}: pip install ./clients/python cma ribs optuna cmaes nevergrad scipy")
+    sys.exit(f'study peers: {error}: pip install ./clients/python cma ribs optuna cmaes nevergrad scipy "numpy<2.4"')
 
 LATE = 20
 """Rollouts at the end that show what was learnt."""
 TUNING_SEEDS = (0, 1, 2, 3)
 TIE = 1e-4
 """What a unit of mean reward counts beside the share of successes when a step size is chosen."""
-ALONG, METRES, BOX = (0.15, 0.3, 0.7, 1.5), (0.01, 0.02, 0.05, 0.12), (0.08, 0.15, 0.3, 0.6)
+ALONG, METRES, BOX = (0.15, 0.3, 0.7, 1.5), (0.01, 0.02, 0.05, 0.12, 0.25), (0.08, 0.15, 0.3, 0.6)
 STEPS = {"via-points": BOX, "obstacle": METRES, "skittles": BOX, "ball-in-a-cup": ALONG, "pancake": ALONG}
 """Initial step sizes that are tried, in units of e; one unit along the obstacle's directions is a metre."""
 CHOSEN: dict[str, dict[str, float]] = {
