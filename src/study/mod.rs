@@ -40,7 +40,7 @@ use anyhow::{Context, Result};
 use serde::Serialize;
 
 use crate::draw::figure::Figure;
-use figures::{fig3, fig5, fig6, fig7, fig8};
+use figures::{fig1, fig3, fig5, fig6, fig7, fig8};
 pub use sample::Sample;
 pub use statistics::Row;
 
@@ -209,6 +209,7 @@ pub const STUDIES: &[Study] = &[
         peaks::run_default_seed,
     ),
     table_of("peaks", "what counts the peaks of a known box best", 2, peaks::run_seed),
+    figure_of("fig1", "a movement as a weighted sum of linear systems, Eq. (2)", fig1::figure),
     figure_of("fig3", "stiffness over time, of the answers of 20 seeds", fig3::figure),
     figure_of("fig5", "several optima and what a gradient finds", fig5::figure),
     figure_of("fig6", "splitting a Gaussian, Eq. (9)", |_| fig6::figure()),
