@@ -6,8 +6,8 @@ use thiserror::Error;
 use crate::recording::{MIN_POINTS, Recording, RecordingError, check_set};
 
 /// Recordings whose durations differ by this factor are not of one movement.
-pub const MAX_DURATION_RATIO: f64 = 10.0;
-/// Points in which recordings are compared: finer ones change the alignment by less than people vary.
+const MAX_DURATION_RATIO: f64 = 10.0;
+/// Points of each recording that are warped; clocks in between are interpolated.
 const N_COMPARED: usize = 200;
 /// Points at each side over which a warp is averaged, of [`N_COMPARED`]. Warping moves in steps, holding
 /// one clock or the other, which would show in the velocities.
@@ -40,7 +40,14 @@ pub enum AlignError {
 /// The medoid is the recording with the least sum of warping distances to the others.
 pub fn align(recordings: &[Recording], alignment: Alignment) -> Result<Vec<Recording>, AlignError> {
     check_set(recordings)?;
-    check_durations(recordings)?;
+    if let Some((long, short)) = unequal_durations(recordings) {
+        return Err(AlignError::Durations {
+            long: long.name.clone(),
+            long_s: long.duration_s(),
+            short: short.name.clone(),
+            short_s: short.duration_s(),
+        });
+    }
     let coarse: Vec<_> = recordings.iter().map(|r| r.resampled(N_COMPARED).points).collect();
     let medoid = medoid(&coarse);
     let n = recordings[medoid].n_points();
@@ -61,27 +68,15 @@ pub fn align(recordings: &[Recording], alignment: Alignment) -> Result<Vec<Recor
     Ok(recordings.iter().zip(&coarse).map(aligned).collect())
 }
 
-/// Whether no recording takes ten times as long as another.
-pub fn check_durations(recordings: &[Recording]) -> Result<(), AlignError> {
+/// The longest and the shortest of the recordings, if the one takes ten times as long as the other.
+pub(crate) fn unequal_durations(recordings: &[Recording]) -> Option<(&Recording, &Recording)> {
     let by_duration = |a: &&Recording, b: &&Recording| a.duration_s().total_cmp(&b.duration_s());
-    let (long, short) =
-        (recordings.iter().max_by(by_duration), recordings.iter().min_by(by_duration));
-    match (long, short) {
-        (Some(long), Some(short))
-            if long.duration_s() >= MAX_DURATION_RATIO * short.duration_s() =>
-        {
-            Err(AlignError::Durations {
-                long: long.name.clone(),
-                long_s: long.duration_s(),
-                short: short.name.clone(),
-                short_s: short.duration_s(),
-            })
-        }
-        _ => Ok(()),
-    }
+    let long = recordings.iter().max_by(by_duration)?;
+    let short = recordings.iter().min_by(by_duration)?;
+    (long.duration_s() >= MAX_DURATION_RATIO * short.duration_s()).then_some((long, short))
 }
 
-/// The mean of aligned recordings, point by point.
+/// The mean (d×T) of aligned recordings, of which there is at least one, point by point.
 pub fn mean_path(aligned: &[Recording]) -> DMatrix<f64> {
     let sum = aligned.iter().skip(1).fold(aligned[0].points.clone(), |sum, r| sum + &r.points);
     sum / aligned.len() as f64
@@ -104,7 +99,7 @@ pub fn warp(a: &DMatrix<f64>, b: &DMatrix<f64>) -> Warp {
     for j in 0..m {
         for i in 0..n {
             let before = best_before(&cost, i, j).map_or(0.0, |(i, j)| cost[(i, j)]);
-            cost[(i, j)] = before + (a.column(i) - b.column(j)).norm();
+            cost[(i, j)] = before + a.column(i).metric_distance(&b.column(j));
         }
     }
     let mut pairs = vec![(n - 1, m - 1)];
@@ -178,7 +173,7 @@ fn medoid(paths: &[DMatrix<f64>]) -> usize {
 pub fn resampled_by_length(path: &DMatrix<f64>, n: usize) -> DMatrix<f64> {
     let mut lengths = vec![0.0];
     for k in 1..path.ncols() {
-        lengths.push(lengths[k - 1] + (path.column(k) - path.column(k - 1)).norm());
+        lengths.push(lengths[k - 1] + path.column(k).metric_distance(&path.column(k - 1)));
     }
     let total = lengths[path.ncols() - 1];
     let mut segment = 0;

@@ -5,11 +5,11 @@ mod crossing;
 use nalgebra::{DVector, DVectorView};
 use thiserror::Error;
 
-use crate::align::MAX_DURATION_RATIO;
+use crate::align::unequal_durations;
 use crate::recording::Recording;
 
-/// Over this share of its duration a recording that stands still moves by less than [`STILL_PATH`] of its
-/// extent; an even movement in one direction would move by as large a share as this.
+/// A recording stands still where it moves by less than [`STILL_PATH`] of its extent within this share of
+/// its duration: a tenth of the rate of an even movement.
 const STILL_TIME: f64 = 0.05;
 const STILL_PATH: f64 = 0.005;
 /// The share of its duration a recording may stand still.
@@ -71,7 +71,12 @@ fn crossing_places(first: &str, first_s: f64, second: &str, second_s: f64) -> St
 /// be learnt from. Lengths are in the unit of the recordings.
 pub fn problems(recordings: &[Recording], driven_by: DrivenBy) -> Vec<Problem> {
     let mut problems: Vec<Problem> = recordings.iter().filter_map(stands_still).collect();
-    problems.extend(unequal_durations(recordings));
+    problems.extend(unequal_durations(recordings).map(|(long, short)| Problem::UnequalDurations {
+        long: long.name.clone(),
+        long_s: long.duration_s(),
+        short: short.name.clone(),
+        short_s: short.duration_s(),
+    }));
     // Where nothing moves there is no extent to compare with.
     let moves = |recording: &&Recording| extent(recording) > 0.0;
     let moving: Vec<&Recording> = recordings.iter().filter(moves).collect();
@@ -124,19 +129,6 @@ fn longest_run(flags: &[bool]) -> (usize, usize) {
         }
     }
     longest
-}
-
-fn unequal_durations(recordings: &[Recording]) -> Option<Problem> {
-    let by_duration = |a: &&Recording, b: &&Recording| a.duration_s().total_cmp(&b.duration_s());
-    let long = recordings.iter().max_by(by_duration)?;
-    let short = recordings.iter().min_by(by_duration)?;
-    let differ = long.duration_s() >= MAX_DURATION_RATIO * short.duration_s();
-    differ.then(|| Problem::UnequalDurations {
-        long: long.name.clone(),
-        long_s: long.duration_s(),
-        short: short.name.clone(),
-        short_s: short.duration_s(),
-    })
 }
 
 /// Those that end too far from the middle of all ends: the median in each coordinate, which one that is

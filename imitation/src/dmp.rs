@@ -18,7 +18,8 @@ const N_SAMPLES: usize = 400;
 /// How the forces act.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Form {
-    /// f = Σᵢ hᵢ fᵢ, as in Eq. (3).
+    /// f = Σᵢ hᵢ fᵢ, as in Eq. (3). The last force stays after the end: the movement comes to rest at
+    /// x_T + f_K/κᴾ, with a fitted f_K of nearly 0.
     Plain,
     /// f = s [x_T − x₀] Σᵢ hᵢ(s) fᵢ, coordinate by coordinate, with a decaying s: the movement scales
     /// with the distance to its end, and the force vanishes there. (Equation below Eq. (3).)

@@ -103,8 +103,8 @@ pub struct BicFit {
 /// Fits each K of `ks` and keeps the one with the lowest Bayesian information criterion
 /// (Schwarz 1978), BIC = p log N − 2 log L, with p = K − 1 + Kd + Kd(d+1)/2 parameters.
 ///
-/// It takes the points for independent. Those of one movement are not, so that a high sampling rate
-/// asks for more components than are needed: limit `ks`, or resample to some hundred points.
+/// The criterion assumes independent points. Those of a movement are not, so a high sampling rate
+/// selects more components than are needed: limit `ks`, or resample to a few hundred points.
 pub fn fit_by_bic(
     data: &DMatrix<f64>,
     ks: RangeInclusive<usize>,
@@ -236,7 +236,7 @@ impl Standard {
     }
 }
 
-/// EM on its way.
+/// The state of EM.
 struct Em {
     mixture: Mixture,
     log_likelihood: f64,
@@ -264,7 +264,7 @@ impl Em {
 
     fn run(&mut self, points: &DMatrix<f64>, options: &GmmOptions) {
         let gain = options.tolerance * points.ncols() as f64;
-        // The centres come from hard clusters; so do the first covariances.
+        // The first covariances are those of the clusters that the centres come from.
         let clusters = nearest(&self.mixture.means, points);
         maximise(&mut self.mixture, points, &clusters, options);
         let mut h = self.expect(points, options);
@@ -279,7 +279,7 @@ impl Em {
         }
     }
 
-    /// E-step: hᵢ(xₙ) (N×K); takes stock of the likelihood on the way.
+    /// E-step: hᵢ(xₙ) (N×K). Updates the likelihood.
     fn expect(&mut self, points: &DMatrix<f64>, options: &GmmOptions) -> DMatrix<f64> {
         let (n, k) = (points.ncols(), self.mixture.n_components());
         let mut h = DMatrix::zeros(n, k);

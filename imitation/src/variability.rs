@@ -8,9 +8,9 @@ use crate::align::mean_path;
 use crate::attractors::{Attractors, AttractorsError};
 use crate::recording::{Recording, RecordingError, check_set};
 
-/// With fewer, the spread about the mean says little of its directions: that of two lies on a line.
+/// Two recordings differ from their mean along one line at a time: they say nothing of other directions.
 pub const MIN_RECORDINGS: usize = 3;
-/// Standard deviations below this share of the largest count as this: no robot resolves less.
+/// The least standard deviation that counts, as a share of the largest.
 const RESOLUTION: f64 = 1e-3;
 
 /// Deviations from the mean, relative to the largest coordinate, that are rounding.
@@ -77,7 +77,7 @@ pub enum VariabilityError {
 /// Eq. (5) from aligned recordings: stiffnesses Kᵢ of [`stiffnesses`] from the covariances of
 /// [`covariances`], and the attractors μᵢ that follow the recordings best with them.
 ///
-/// Coordinates count alike: scale those of unequal units first, so that one unit of each is worth the same.
+/// Coordinates count equally: scale those of unlike units first, so that one unit of each matters as much.
 pub fn attractors(
     aligned: &[Recording],
     options: &VariabilityOptions,
@@ -127,12 +127,12 @@ pub fn covariances(
 /// where σ̄ is the geometric mean over all components and directions.
 ///
 /// Stiffness inverse to σ is what an optimal controller has that pays for deviations by Σ⁻¹ and for its
-/// accelerations: of ẍ = u with the cost x²/σ² + r u² the gain is 1/(σ√r). Kronander and Billard (2013) map
-/// standard deviations inversely, too.
+/// accelerations: for ẍ = u with the cost x²/σ² + r u² the gain is 1/(σ√r). Kronander and Billard (2013)
+/// also let stiffness fall with the standard deviation.
 ///
 /// Departure: Calinon et al. (2010) map eigenvalues of Σᵢ⁻¹ linearly so that the largest and the least
-/// become k_max and k_min. The largest of some inverse variances is mostly chance, and decides about all others;
-/// and demonstrations that vary alike everywhere would be spread over the whole range. Here they get
+/// become k_max and k_min. The largest of a few inverse variances is mostly chance, yet it sets all others, and
+/// demonstrations that vary equally everywhere would still be spread over the whole range. Here they get
 /// √(k_min k_max) throughout.
 pub fn stiffnesses(
     covariances: &[DMatrix<f64>],

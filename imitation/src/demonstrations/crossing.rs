@@ -5,11 +5,12 @@ use nalgebra::{DMatrix, DVectorView};
 use super::{Problem, extent};
 use crate::recording::Recording;
 
-/// Points in which a recording is compared.
+/// Points of each recording that are compared.
 const N_COMPARED: usize = 300;
 /// Places closer than this share of the extent are one place.
 const NEAR: f64 = 0.02;
-/// Between two passes the movement leaves the place by this many times [`NEAR`]. A sharp bend does not.
+/// A recording passes a place twice only if it goes this many times [`NEAR`] away in between: a sharp
+/// bend does not.
 const AWAY: f64 = 3.0;
 /// Slower than this share of the highest speed of a recording, a direction means little.
 const SLOW: f64 = 0.1;
@@ -42,7 +43,7 @@ impl Course<'_> {
     /// The first point after `k` that is further than `distance` from it.
     fn leaves(&self, k: usize, distance: f64) -> usize {
         let here = self.points.column(k);
-        let is_away = |l: &usize| (self.points.column(*l) - here).norm() > distance;
+        let is_away = |l: &usize| self.points.column(*l).metric_distance(&here) > distance;
         (k..self.points.ncols()).find(is_away).unwrap_or(self.points.ncols())
     }
 }
@@ -59,7 +60,7 @@ pub fn find(recordings: &[&Recording]) -> Option<Problem> {
             for &k in &a.inner {
                 let first = if i == j { a.leaves(k, AWAY * near) } else { 0 };
                 for &l in b.inner.iter().filter(|l| **l >= first) {
-                    let distance = (a.points.column(k) - b.points.column(l)).norm();
+                    let distance = a.points.column(k).metric_distance(&b.points.column(l));
                     if distance > near {
                         continue;
                     }

@@ -27,7 +27,7 @@ pub fn centers(points: &DMatrix<f64>, k: usize, rng: &mut ChaCha8Rng) -> Vec<DVe
 
 /// The place of the nearest centre to `x`, and the squared distance to it.
 pub fn nearest(centers: &[DVector<f64>], x: &DVectorView<f64>) -> (usize, f64) {
-    let distances = centers.iter().map(|center| (x - center).norm_squared());
+    let distances = centers.iter().map(|center| x.metric_distance(center).powi(2));
     distances.enumerate().fold((0, f64::INFINITY), |best, (i, distance)| {
         if distance < best.1 { (i, distance) } else { best }
     })
