@@ -1,9 +1,11 @@
 //! Policies as files: JSON for programs, TOML for people, who then see every unit.
 
+mod systems;
+
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
-use shm_types::policy::{ACTIVATION_DECAY, Component, PolicyMsg};
+use shm_types::policy::{ACTIVATION_DECAY, Component, ORIENTATION_SPHERE, PolicyMsg};
 use shm_types::policy_json;
 
 /// A policy from a file in either format: a JSON object begins with a brace, which no TOML does.
@@ -49,11 +51,15 @@ pub fn to_toml(policy: &PolicyMsg) -> Result<String> {
             policy.actions()
         ));
     }
+    if policy.n_systems > 0 {
+        return Ok(systems::to_toml(policy));
+    }
     let decays = policy.activation == ACTIVATION_DECAY;
     let mut text = format!(
         "# Eq. (5): acceleration = Σ hᵢ Kᵢ (μᵢ − x) − damping · ẋ, world frame\n\
          task_dim = {}  # learnt coordinates: the first of x, y, z, pitch, roll, yaw\n\
          activation = \"{}\"\n\
+         {}\
          duration_s = {:?}\n\
          decay_rate = {:?}  # s⁻¹\n\
          damping = {:?}  # s⁻¹\n\
@@ -63,6 +69,7 @@ pub fn to_toml(policy: &PolicyMsg) -> Result<String> {
          orientation_damping = {:?}  # s⁻¹\n",
         policy.task_dim,
         if decays { "decay" } else { "time" },
+        orientation_toml(policy),
         policy.duration_s,
         policy.decay_rate,
         policy.damping,
@@ -77,6 +84,16 @@ pub fn to_toml(policy: &PolicyMsg) -> Result<String> {
     Ok(text)
 }
 
+/// Nothing where errors of orientation are differences of rotation vectors.
+fn orientation_toml(policy: &PolicyMsg) -> &'static str {
+    match policy.orientation {
+        ORIENTATION_SPHERE => {
+            "orientation = \"sphere\"  # errors are rotations, the shortest way\n"
+        }
+        _ => "",
+    }
+}
+
 /// Nothing where all springs damp alike.
 fn ratio_toml(ratio: f64) -> String {
     match ratio {
@@ -87,20 +104,25 @@ fn ratio_toml(ratio: f64) -> String {
 
 fn component_toml(component: &Component, task_dim: usize, drive: &str) -> String {
     let Component { center, width, attractor, .. } = component;
-    let mut text = format!(
+    let stiffness = matrix_toml(task_dim, |row, column| component.stiffness_at(row, column));
+    format!(
         "\n[[components]]\n\
          center = {center:?}  # {drive}\n\
          width = {width:?}  # {drive}\n\
          # x, y, z in m; pitch, roll, yaw in rad\n\
          attractor = {attractor:?}\n\
          # s⁻²\n\
-         stiffness = [\n"
-    );
-    for row in 0..task_dim {
-        let entries: Vec<f64> = (0..task_dim).map(|c| component.stiffness_at(row, c)).collect();
-        text += &format!("  {entries:?},\n");
-    }
-    text + "]\n"
+         stiffness = {stiffness}"
+    )
+}
+
+/// The leading n×n block, a row a line.
+fn matrix_toml(n: usize, entry: impl Fn(usize, usize) -> f64) -> String {
+    let row = |row: usize| -> String {
+        let entries: Vec<f64> = (0..n).map(|column| entry(row, column)).collect();
+        format!("  {entries:?},\n")
+    };
+    format!("[\n{}]\n", (0..n).map(row).collect::<String>())
 }
 
 #[cfg(test)]
@@ -127,7 +149,9 @@ mod tests {
         let decaying = PolicyMsg { activation: ACTIVATION_DECAY, decay_rate: 2.5, ..policy() };
         let action = PolicyMsg::of_action(&[8.0, 0.1 + 0.2]);
         let damped = PolicyMsg { damping_ratio: 0.7, ..policy() };
-        for policy in [policy(), damped.sealed(), decaying.sealed(), action.sealed()] {
+        let sphere = PolicyMsg { orientation: ORIENTATION_SPHERE, ..policy() };
+        let springs = [policy(), damped.sealed(), decaying.sealed(), sphere.sealed()];
+        for policy in springs.into_iter().chain([action.sealed(), systems::sample()]) {
             let back = from_toml(&to_toml(&policy).unwrap()).unwrap();
             assert_eq!(back, policy);
             assert_eq!(back.digest, policy.digest);

@@ -48,7 +48,8 @@ pub fn activations(centers_widths: &[(f64, f64)], drive: f64) -> Vec<f64> {
     h
 }
 
-/// hᵢ of a validated policy at time `t_s` (s) after the start of Execute.
+/// hᵢ of a validated policy of springs at time `t_s` (s) after the start of Execute; of another one, which has
+/// no springs, none.
 pub fn policy_activations(policy: &PolicyMsg, t_s: f64) -> Vec<f64> {
     let activation =
         if policy.activation == ACTIVATION_DECAY { Activation::Decay } else { Activation::Time };
@@ -56,7 +57,7 @@ pub fn policy_activations(policy: &PolicyMsg, t_s: f64) -> Vec<f64> {
     activations(&centers_widths, activation.drive(t_s, policy.decay_rate))
 }
 
-/// Σ hᵢ(t) Kᵢ of a validated policy at `t_s` (s), of the learnt coordinates: d×d, s⁻².
+/// Σ hᵢ(t) Kᵢ of a validated policy at `t_s` (s), of the learnt coordinates: d×d, s⁻²; zero without springs.
 pub fn stiffness(policy: &PolicyMsg, t_s: f64) -> DMatrix<f64> {
     let (h, d) = (policy_activations(policy, t_s), policy.task_dim as usize);
     h.iter().zip(policy.components()).fold(DMatrix::zeros(d, d), |sum, (h, component)| {

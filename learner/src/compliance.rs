@@ -59,7 +59,7 @@ impl ComplianceConfig {
     }
 
     /// c = Σᵢ h̄ᵢ min(ln(stiff/K̄ᵢ), ln(stiff/soft)), not below 0, with K̄ᵢ = det(Kᵢ)^(1/d) and h̄ᵢ the
-    /// mean of hᵢ over the movement.
+    /// mean of hᵢ over the movement. 0 of a policy of systems, which has no springs.
     pub fn measure(&self, policy: &PolicyMsg) -> f64 {
         let d = policy.task_dim as usize;
         let log_k = policy.components().iter().map(|component| {

@@ -6,7 +6,7 @@ use shm_types::policy::{Component, PolicyMsg};
 use crate::parameters::spectral;
 
 /// Dampers of the learnt coordinates of a validated policy, one a spring (d×d, s⁻¹): 2ζ Kᵢ^½ with the
-/// symmetric root, or κᵛ I where the policy has no damping ratio.
+/// symmetric root, or κᵛ I where the policy has no damping ratio. None of a policy without springs.
 pub fn dampers(policy: &PolicyMsg) -> Vec<DMatrix<f64>> {
     let d = policy.task_dim as usize;
     let damper = |component: &Component| match policy.damping_ratio {

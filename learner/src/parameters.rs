@@ -56,6 +56,10 @@ pub enum ParameterError {
     #[error("policy cannot be encoded: {0}")]
     Message(PolicyMsgError),
     #[error(
+        "a policy of systems has no springs, which are what θ holds: use a policy with components"
+    )]
+    Systems,
+    #[error(
         "policy has task_dim {found_dim} and {found} components, the session {task_dim} and \
          {components}: use a policy of the same shape"
     )]
@@ -84,8 +88,14 @@ pub struct ParameterMap {
 impl ParameterMap {
     /// `base` carries everything θ does not: activations, duration, damping, orientation gains,
     /// and the attractor entries of the coordinates that are not learnt.
+    ///
+    /// # Errors
+    /// A policy that is not valid or is one of systems.
     pub fn new(base: &PolicyMsg, scales: Scales) -> Result<Self, ParameterError> {
         base.validate()?;
+        if base.n_systems > 0 {
+            return Err(ParameterError::Systems);
+        }
         let mut base = *base;
         // What is not in use is zero in every decoded message, so that equal policies have equal
         // digests wherever the base came from.
@@ -119,6 +129,9 @@ impl ParameterMap {
     /// Inverse of [`ParameterMap::decode`] for every policy whose stiffness is within bounds.
     pub fn encode(&self, policy: &PolicyMsg) -> Result<DVector<f64>, ParameterError> {
         policy.validate()?;
+        if policy.n_systems > 0 {
+            return Err(ParameterError::Systems);
+        }
         if (policy.task_dim, policy.n_components) != (self.base.task_dim, self.base.n_components) {
             return Err(ParameterError::Shape {
                 found_dim: policy.task_dim,
@@ -345,6 +358,11 @@ mod tests {
         let mut policy = map(4).decode(&theta, IDS);
         let other = map(3).encode(&policy).expect_err("shape differs");
         assert!(matches!(other, ParameterError::Shape { found_dim: 4, task_dim: 3, .. }));
+        let mut systems = PolicyMsg { n_components: 0, n_systems: 1, ..policy };
+        systems.systems[0].covariance[0] = 0.01;
+        assert_eq!(map(4).encode(&systems.sealed()), Err(ParameterError::Systems));
+        let none = ParameterMap::new(&systems.sealed(), Scales::default());
+        assert!(none.unwrap_err().to_string().contains("a policy of systems has no springs"));
         policy.components[6].stiffness[0] = -5.0;
         let error = map(4).encode(&policy.sealed()).expect_err("not positive definite");
         assert!(error.to_string().starts_with("component 6: stiffness"), "{error}");

@@ -15,8 +15,9 @@ use rt_controller::hot::rollout::Phase;
 use rt_controller::hot::task_space::TaskState;
 use rt_controller::hot::tick::Controller;
 use rt_controller::hot::wrench::ArmState;
+use shm_types::TASK_DIM;
 use shm_types::episode::TickRecord;
-use shm_types::policy::{PolicyMsg, packed_index};
+use shm_types::policy::{ACTIVATION_STATE, OUTPUT_VELOCITY, PolicyMsg, packed_index};
 
 use crate::config::Config;
 use crate::setup;
@@ -83,6 +84,11 @@ impl Arm {
     pub fn policy(&self, components: usize, dims: usize) -> Result<Policy> {
         Ok(admit(&message(components, dims, 0.02), &self.model, &self.config.controller)?)
     }
+
+    /// Eight systems driven by the state, in six coordinates.
+    pub fn field(&self) -> Result<Policy> {
+        Ok(admit(&field(), &self.model, &self.config.controller)?)
+    }
 }
 
 /// Springs that move the pan up and down by `amplitude` m, evenly over the duration.
@@ -105,6 +111,31 @@ pub fn message(components: usize, dims: usize, amplitude: f64) -> PolicyMsg {
         }
     }
     message.sealed()
+}
+
+/// Eight systems on the way from the start posture's pan to a target above it; each turns otherwise.
+fn field() -> PolicyMsg {
+    let mut field = PolicyMsg { task_dim: 6, n_systems: 8, ..PolicyMsg::EMPTY };
+    (field.activation, field.output, field.following) = (ACTIVATION_STATE, OUTPUT_VELOCITY, 60.0);
+    field.duration_s = DURATION_S;
+    field.target = [0.78, 0.0, 0.76, 0.0, 0.0, 0.0];
+    (0..TASK_DIM).for_each(|i| field.certificate[packed_index(i, i)] = 1.0);
+    for (k, system) in field.systems.iter_mut().take(8).enumerate() {
+        system.center = [0.78, 0.0, 0.72 + 0.005 * k as f64, 0.0, 0.0, 0.0];
+        let turn = 0.25 * k as f64 - 1.0;
+        for i in 0..TASK_DIM {
+            system.covariance[packed_index(i, i)] = 1e-4;
+            system.of_position[TASK_DIM * i + i] = -3.0;
+            // A rotation in each pair of neighbours: it changes no distance from the target.
+            let (pair, sign) = if i % 2 == 0 { (i + 1, 1.0) } else { (i - 1, -1.0) };
+            system.of_position[TASK_DIM * i + pair] = sign * turn;
+        }
+        for i in 0..TASK_DIM {
+            let row = &system.of_position[TASK_DIM * i..][..TASK_DIM];
+            system.offset[i] = -row.iter().zip(field.target).map(|(a, x)| a * x).sum::<f64>();
+        }
+    }
+    field.sealed()
 }
 
 /// A loop without pace or transport that goes from rollout to rollout.

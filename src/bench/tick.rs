@@ -18,7 +18,8 @@ pub const BENCH: Bench = Bench {
     about: "Parts of a tick are too short to be timed one by one: each value is the mean of 100 \
             calls over different random states of the arm (one seed), so their tails are those of \
             batches. The whole tick is timed one by one, in rollouts of the pancake world, while \
-            the policy drives the arm. The timer is what a pair of clock readings adds to each of \
+            the policy drives the arm. Springs are those of Eq. (5); systems are Eq. (2) whole, with \
+            a full Gaussian and a full matrix each. The timer is what a pair of clock readings adds to each of \
             those. The parts of the arm depend on its joints only, not on the policy.",
     seconds: 30.0,
     run,
@@ -26,6 +27,9 @@ pub const BENCH: Bench = Bench {
 
 const COMPONENTS: [usize; 5] = [1, 2, 4, 8, 16];
 const DIMS: [usize; 3] = [3, 4, 6];
+/// Eq. (2) whole, beside the springs of Eq. (5).
+const FIELD: &str = "8 systems driven by the state, 6 dims";
+const FIELD_DIMS: usize = 6;
 /// Few enough to stay in a cache, as the loop's own state does.
 const N_STATES: usize = 400;
 const CALLS: usize = 100;
@@ -36,16 +40,19 @@ fn run(plan: &Plan) -> Result<Vec<Row>> {
     let mut cases = vec![timer()];
     for dims in DIMS {
         for components in COMPONENTS {
-            cases.push(command(&states, arm.policy(components, dims)?, components, dims));
+            let policy = arm.policy(components, dims)?;
+            cases.push(command(&states, policy, dims, &policy_size(components, dims)));
         }
     }
+    cases.push(command(&states, arm.field()?, FIELD_DIMS, FIELD));
     cases.extend(arm_parts(&arm.model, &states));
     for dims in DIMS {
         for components in COMPONENTS {
             let policy = arm.policy(components, dims)?;
-            cases.push(whole_tick(&arm, policy, components, dims));
+            cases.push(whole_tick(&arm, policy, dims, &policy_size(components, dims)));
         }
     }
+    cases.push(whole_tick(&arm, arm.field()?, FIELD_DIMS, FIELD));
     interleave(plan, cases)
 }
 
@@ -94,9 +101,9 @@ fn batches<'a, T>(row: Row, states: &'a [State], f: impl Fn(&State) -> T + 'a) -
     Case { row, measure: Box::new(measure) }
 }
 
-fn command(states: &[State], policy: Policy, components: usize, dims: usize) -> Case<'_> {
+fn command<'a>(states: &'a [State], policy: Policy, dims: usize, size: &str) -> Case<'a> {
     let group = format!("Policy command, {dims} dims");
-    let row = Row::batch(&group, "policy command", &policy_size(components, dims), CALLS);
+    let row = Row::batch(&group, "policy command", size, CALLS);
     batches(row, states, move |state| policy.command(state.t_s, &state.task))
 }
 
@@ -123,7 +130,7 @@ fn arm_parts<'a>(model: &'a ArmModel, states: &'a [State]) -> Vec<Case<'a>> {
     ]
 }
 
-fn whole_tick(arm: &Arm, policy: Policy, components: usize, dims: usize) -> Case<'_> {
+fn whole_tick<'a>(arm: &'a Arm, policy: Policy, dims: usize, size: &str) -> Case<'a> {
     let mut running = Loop::new(arm, policy, &arm.world());
     let measure = move |slice: Duration, row: &mut Row| {
         let begin = Instant::now();
@@ -144,6 +151,6 @@ fn whole_tick(arm: &Arm, policy: Policy, components: usize, dims: usize) -> Case
         Ok(())
     };
     let group = format!("Whole tick, {dims} dims");
-    let row = Row::time(&group, "whole tick", &policy_size(components, dims));
+    let row = Row::time(&group, "whole tick", size);
     Case { row, measure: Box::new(measure) }
 }

@@ -135,6 +135,7 @@ pub fn list(cell: &NamedCell, as_json: bool) -> Result<Verdict> {
                 "policy_id": policy.policy_id,
                 "digest": format!("{:016x}", policy.digest),
                 "components": policy.n_components,
+                "systems": policy.n_systems,
                 "task_dim": policy.task_dim,
                 "duration_s": policy.duration_s,
                 "remarks": remarks(policy),
@@ -159,7 +160,8 @@ pub fn list(cell: &NamedCell, as_json: bool) -> Result<Verdict> {
     }
     let mut text = "policy  components  coordinates  duration s\n".to_string();
     for policy in state.policies.values() {
-        let PolicyMsg { policy_id, n_components, task_dim, duration_s, .. } = policy;
+        let PolicyMsg { policy_id, task_dim, duration_s, .. } = policy;
+        let n_components = policy.n_components + policy.n_systems;
         let remarks = remarks(policy).join(", ");
         text += &format!(
             "{policy_id:6}  {n_components:10}  {task_dim:11}  {duration_s:10.2}  {remarks}\n"

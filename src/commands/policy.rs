@@ -8,7 +8,7 @@ use learner::store::{Store, TrialRecord};
 use serde_json::json;
 use shm_types::command::{COMMAND_ALLOW, COMMAND_FORBID, COMMAND_PIN, COMMAND_UNPIN, LAST_GOOD};
 use shm_types::measures::TRUTH;
-use shm_types::policy::{ACTIVATION_DECAY, PolicyMsg};
+use shm_types::policy::{ACTIVATION_DECAY, ACTIVATION_STATE, OUTPUT_VELOCITY, PolicyMsg};
 use shm_types::policy_json;
 
 use super::report::open;
@@ -181,10 +181,16 @@ fn show(policy: &PolicyMsg, as_json: bool) -> Result<Verdict> {
     Ok(Verdict::Done)
 }
 
+/// Task coordinates with their units.
+const NAMES: [&str; 6] = ["x m", "y m", "z m", "pitch rad", "roll rad", "yaw rad"];
+
 fn as_text(policy: &PolicyMsg) -> String {
     if policy.n_actions > 0 {
         let (id, rollout) = (policy.policy_id, policy.rollout);
         return format!("policy {id} of rollout {rollout}: action {:?}\n", policy.actions());
+    }
+    if policy.n_systems > 0 {
+        return systems_as_text(policy);
     }
     let d = policy.task_dim as usize;
     let driven = if policy.activation == ACTIVATION_DECAY { "decay" } else { "time" };
@@ -197,7 +203,6 @@ fn as_text(policy: &PolicyMsg) -> String {
          {damping}\n",
         policy.policy_id, policy.rollout, policy.n_components, policy.duration_s
     );
-    const NAMES: [&str; 6] = ["x m", "y m", "z m", "pitch rad", "roll rad", "yaw rad"];
     for (i, component) in policy.components().iter().enumerate() {
         text += &format!("\ncomponent {} at {:.3}\n", i + 1, component.center);
         for (row, name) in NAMES.iter().enumerate().take(d) {
@@ -205,6 +210,41 @@ fn as_text(policy: &PolicyMsg) -> String {
                 (0..d).map(|c| format!("{:9.2}", component.stiffness_at(row, c))).collect();
             let attractor = component.attractor[row];
             text += &format!("  {name:9} {attractor:8.4}   K {} /s²\n", stiffness.join(" "));
+        }
+    }
+    text
+}
+
+fn systems_as_text(policy: &PolicyMsg) -> String {
+    let d = policy.task_dim as usize;
+    let driven = match policy.activation {
+        ACTIVATION_STATE => "the state",
+        ACTIVATION_DECAY => "decay",
+        _ => "time",
+    };
+    let output = match policy.output {
+        OUTPUT_VELOCITY => format!("velocities, followed at {:.1} /s", policy.following),
+        _ => "accelerations".into(),
+    };
+    let mut text = format!(
+        "policy {} of rollout {}: {d} coordinates, {} systems driven by {driven}, {} s, {output}\n",
+        policy.policy_id, policy.rollout, policy.n_systems, policy.duration_s
+    );
+    let numbers = |values: &[f64]| -> String {
+        values
+            .iter()
+            .map(|value| format!("{value:9.4} "))
+            .collect::<String>()
+            .trim_end()
+            .to_string()
+    };
+    text += &format!("target {}\n", numbers(&policy.target));
+    for (i, system) in policy.systems().iter().enumerate() {
+        let center = numbers(&system.center[..policy.drive_dim()]);
+        text += &format!("\nsystem {} at {center}\n", i + 1);
+        for (row, name) in NAMES.iter().enumerate().take(d) {
+            let entries: Vec<f64> = (0..d).map(|c| system.of_position_at(row, c)).collect();
+            text += &format!("  {name:9} A {}   b {:9.4}\n", numbers(&entries), system.offset[row]);
         }
     }
     text

@@ -11,8 +11,8 @@ use crate::draw::plot::{Axis, Plot};
 use crate::draw::svg::{Anchor, Panel};
 
 pub fn figure(data: &ReportData) -> Figure {
-    let rows = if data.learnt.components().is_empty() {
-        Err("the session has no learnt policy.".to_owned())
+    let rows = if let Some(reason) = data.without_springs() {
+        Err(reason)
     } else {
         Ok(vec![Row::wide(|width| draw(data, width))])
     };

@@ -31,8 +31,8 @@ const LEGEND: [Entry; 5] = [
 ];
 
 pub fn figure(data: &ReportData) -> Figure {
-    let rows = if data.learnt.components().is_empty() {
-        Err("the session has no learnt policy.".to_owned())
+    let rows = if let Some(reason) = data.without_springs() {
+        Err(reason)
     } else {
         Ok(vec![Row::Half(draw(data))])
     };

@@ -22,8 +22,8 @@ const LEGEND: [Entry; 2] =
     [(Key::Line, "learnt", "path"), (Key::Dot, "dot success", "release, crossing")];
 
 pub fn figure(data: &ReportData) -> Figure {
-    let rows = if data.learnt.components().is_empty() {
-        Err("the session has no learnt policy.".to_owned())
+    let rows = if let Some(reason) = data.without_springs() {
+        Err(reason)
     } else if data.learnt_path.len() < 2 {
         Err(format!("the session holds no path of rollout {}.", data.learnt_rollout))
     } else {

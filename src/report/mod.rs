@@ -82,6 +82,16 @@ impl ReportData {
         matches!(self.pictures, Pictures::Toss)
     }
 
+    /// Why there is nothing to draw of the springs, if there is not.
+    fn without_springs(&self) -> Option<String> {
+        let reason = match (self.learnt.n_systems, self.learnt.n_components) {
+            (0, 0) => "the session has no learnt policy.",
+            (0, _) => return None,
+            _ => "a policy of systems has no springs.",
+        };
+        Some(reason.to_owned())
+    }
+
     /// The policy is an action vector.
     fn is_action(&self) -> bool {
         self.initial.n_actions > 0
@@ -262,6 +272,14 @@ mod tests {
         assert_eq!(page.matches("is missing").count(), 12);
         assert!(page.contains("timing.json: it is damaged"));
         assert!(figures(&data).iter().all(|(_, svg)| svg.is_none()));
+    }
+
+    #[test]
+    fn a_policy_of_systems_has_no_springs_to_draw() {
+        let mut data = sample::session(5);
+        data.learnt = PolicyMsg { n_components: 0, n_systems: 2, ..data.learnt };
+        let page = render_all(&data);
+        assert_eq!(page.matches("a policy of systems has no springs").count(), 4);
     }
 
     #[test]

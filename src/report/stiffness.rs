@@ -30,8 +30,8 @@ const EVENTS: &str = " Release: the pancake leaves the pan; crossing: it falls b
     Δ<sub>h</sub> above it.";
 
 pub fn figure(data: &ReportData) -> Figure {
-    let rows = if data.learnt.components().is_empty() {
-        Err("the session has no learnt policy.".to_owned())
+    let rows = if let Some(reason) = data.without_springs() {
+        Err(reason)
     } else {
         let others = (0..(data.learnt.task_dim as usize).min(TASK_DIM)).filter(|c| *c != Z);
         let vertical = Row::wide(|width| draw(data, Z, (width, 290.0), &LEGEND));

@@ -199,31 +199,31 @@ fn is_followed(d: usize, A: impl Fn(usize, usize) -> f64, lambda: f64) -> bool {
     const N: usize = 2 * TASK_DIM;
     let M = SMatrix::<f64, N, N>::from_fn(|r, c| {
         let (row, column) = (r % TASK_DIM, c % TASK_DIM);
-        match (r < TASK_DIM, c < TASK_DIM, row.max(column) < d) {
+        let (is_used, unit) = (row.max(column) < d, f64::from(u8::from(row == column)));
+        match (r < TASK_DIM, c < TASK_DIM) {
             // What is not in use dies out by itself.
-            (true, true, false) | (false, false, false) => {
-                if r == c {
-                    -lambda
+            (true, true) => {
+                if is_used {
+                    0.0
+                } else {
+                    -unit
+                }
+            }
+            (true, false) => {
+                if is_used {
+                    unit
                 } else {
                     0.0
                 }
             }
-            (true, false, true) => {
-                if row == column {
-                    1.0
+            (false, true) => {
+                if is_used {
+                    lambda * A(row, column)
                 } else {
                     0.0
                 }
             }
-            (false, true, true) => lambda * A(row, column),
-            (false, false, true) => {
-                if row == column {
-                    -lambda
-                } else {
-                    0.0
-                }
-            }
-            _ => 0.0,
+            (false, false) => -lambda * unit,
         }
     });
     let one = SMatrix::<f64, N, N>::identity();

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::TASK_DIM;
-use crate::policy::{OUTPUT_VELOCITY, packed_index};
+use crate::policy::OUTPUT_VELOCITY;
 
 #[test]
 fn an_action_survives_a_round_trip_and_is_checked() {
