@@ -113,7 +113,15 @@ fn mute(status: &Status) -> Option<String> {
     })
 }
 
-fn has_learner(status: &Status) -> bool {
+/// Where somebody has moved the posture: joint by joint.
+pub fn posture(status: &Status) -> Option<String> {
+    let moved = status.posture.iter().enumerate().filter(|(_, offset)| **offset != 0.0);
+    let said: Vec<String> =
+        moved.map(|(i, offset)| format!("{offset} rad at joint {}", i + 1)).collect();
+    (!said.is_empty()).then(|| said.join(", "))
+}
+
+pub fn has_learner(status: &Status) -> bool {
     Duration::from_nanos(status.learner_age_ns) < SILENT
 }
 
@@ -133,6 +141,11 @@ pub fn notes(status: &Status, cell: &str) -> Vec<String> {
     }
     if has_learner(status) {
         notes.extend(people(status.learner_waits, cell));
+    }
+    if let Some(offset) = posture(status) {
+        notes.push(format!(
+            "the posture of served rollouts is moved by {offset}; `skillet posture --reset --cell {cell}`"
+        ));
     }
     if status.pin_restored == 1 {
         notes.push(format!(
