@@ -51,7 +51,7 @@ pub enum Verb {
     Hold(arm::HoldArgs),
     /// End the hold after a machine fault, once its cause is mended
     Rearm(arm::RearmArgs),
-    /// Move the elbow of a running arm while its tip goes on with the skill
+    /// Move the elbow of a running arm while the skill goes on
     Posture(arm::PostureArgs),
     /// Look at the policies of a session; put policies into a running cell, and take them back
     Policy(PolicyArgs),

@@ -223,6 +223,10 @@ mod tests {
         let judged = Status { learner_waits: WAITS_JUDGE, learner_age_ns: 0, ..Status::ZERO };
         assert!(notes(&judged, "c1")[0].contains("waits for its judge"));
         assert_eq!(of(&judged).0, Health::Ok, "it is no defect");
+        let moved = Status { posture: [0.4, 0.0, -0.2, 0.0, 0.0, 0.0, 0.0], ..Status::ZERO };
+        let said = &notes(&moved, "c1")[0];
+        assert!(said.contains("0.4 rad at joint 1, -0.2 rad at joint 3"), "{said}");
+        assert!(said.contains("skillet posture --reset --cell c1"), "{said}");
         for (waits, word) in [
             (WAITS_RATING, "skillet judge SESSION --rate"),
             (ASKS_DEMONSTRATION, "skillet demo add SESSION"),

@@ -29,7 +29,7 @@ const ROWS: [Row; 48] = [
     (
         "posture",
         &[
-            (DONE, "--joint 3 --by -0.2 --in 2 --cell c1"),
+            (DONE, "--joint 1 --by -0.2 --in 2 --cell c1"),
             (DONE, "--offset 0,0,0.2 --cell c1"),
             (DONE, "--reset --cell c1"),
             (ERROR, "--joint 3 --by 99 --cell c1"),

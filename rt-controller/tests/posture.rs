@@ -201,7 +201,7 @@ fn a_cell_takes_a_posture_says_so_and_forgets_it_with_its_controller() {
         assert!(reply.applied_tick >= before.tick);
         assert_eq!((reply.status.posture[2], reply.status.posture_s), (-0.4, 1.6875));
         for (command, word) in [
-            (order(3, 0.5, 0.1), "rad/s"),
+            (order(3, 0.5, 0.3), "rad/s"),
             (order(4, 3.0, 20.0), "its offset within"),
             (order(1, f64::NAN, 1.0), "no number"),
         ] {

@@ -39,17 +39,17 @@ pub struct RearmArgs {
 #[command(group(ArgGroup::new("posture").required(true).args(["joint", "offset", "reset"])))]
 #[command(after_help = "\
 Examples:
-  skillet posture --joint 3 --by 0.5 --in 1 --cell kitchen
+  skillet posture --joint 1 --by 0.4 --in 1 --cell kitchen
   skillet posture --offset -0.4,0,0.5,0,0.3,0,0 --cell kitchen
   skillet posture --reset --cell kitchen
 
-An arm of 7 joints can hold its tip still and move its elbow. The null space is drawn to the start posture
-plus this offset, smoothly, while the tip goes on with its skill; how far the arm follows depends on how
-much of the offset leaves the tip where it is. Every rollout begins at the start posture and moves from
-there, in the time of --in.
+An arm of 7 joints can move its elbow while its tip follows the skill. The elbow is drawn towards the start
+posture plus this offset; only the part of the offset that leaves the tip alone takes effect. A joint near
+the base moves the elbow far, a joint of the wrist hardly at all. Every rollout begins at the start posture
+and moves from there within --in.
 
-A learner's rollouts keep the start posture, so that a session stays repeatable: the offset acts where a
-policy is served, as `skillet policy activate` and `pin` have it. A restart of the controller ends it.")]
+The offset acts while a policy is served (`skillet policy activate`, `pin`). A learner's rollouts keep the start
+posture, so that a session stays repeatable. The offset does not outlive the controller.")]
 pub struct PostureArgs {
     /// Joint to move, counted from 1 at the base; the others go to the start posture
     #[arg(long, value_name = "N", requires = "by")]

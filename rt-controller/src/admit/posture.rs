@@ -4,15 +4,13 @@ use physics::arm::{ArmModel, JointVector};
 use thiserror::Error;
 
 use crate::config::ControllerConfig;
-use crate::hot::posture::PostureMove;
+use crate::hot::posture::{PostureMove, SPEED_MAX, shortest_s};
 
 /// Joints that the six coordinates of the tip leave no freedom to.
 const TASK_JOINTS: usize = 6;
-/// How fast a joint of the posture may be on its way, rad/s, and the part of it that a movement of minimum jerk
-/// is fast on average.
-const SPEED_MAX: f64 = 1.0;
-const MEAN_SPEED: f64 = 8.0 / 15.0;
-/// How long a move may take, s, and how long it takes at least where the command leaves that to us.
+/// How long a move may take, s: a shorter one would be a jerk. And how long it takes at least where the command
+/// does not say.
+const DURATION_MIN_S: f64 = 0.25;
 const DURATION_MAX_S: f64 = 60.0;
 const DURATION_DEFAULT_S: f64 = 1.0;
 
@@ -27,7 +25,7 @@ pub enum PostureError {
     NoNullSpace(usize),
     #[error("joint {joint}: the offset {offset} is no number of radians")]
     NotFinite { joint: usize, offset: f64 },
-    #[error("the move would take {0} s: use more than 0 and at most {DURATION_MAX_S} s (--in)")]
+    #[error("the move would take {0} s: use {DURATION_MIN_S} to {DURATION_MAX_S} s (--in)")]
     Duration(f64),
     #[error(
         "joint {joint} ({name}) would be drawn to {position:.3} rad: keep it within {min:.3} and {max:.3}, that \
@@ -43,7 +41,7 @@ pub enum PostureError {
 
 /// Checks a posture `q0` + `offset`, rad, reached within `duration_s`, or within what it needs where that is 0:
 /// from `q0` at the start of a rollout, and from `before`, the offset of now.
-pub(crate) fn admit_posture(
+pub fn admit_posture(
     offset: &JointVector,
     duration_s: f64,
     before: &JointVector,
@@ -55,11 +53,11 @@ pub(crate) fn admit_posture(
     if n_joints <= TASK_JOINTS {
         return Err(PostureError::NoNullSpace(n_joints));
     }
-    if !(0.0..=DURATION_MAX_S).contains(&duration_s) {
+    if duration_s != 0.0 && !(DURATION_MIN_S..=DURATION_MAX_S).contains(&duration_s) {
         return Err(PostureError::Duration(duration_s));
     }
     let limits = model.limits();
-    let mut shortest_s = DURATION_DEFAULT_S;
+    let mut default_s = DURATION_DEFAULT_S;
     for (i, &offset) in offset.iter().enumerate() {
         let joint = i + 1;
         if !offset.is_finite() {
@@ -74,14 +72,14 @@ pub(crate) fn admit_posture(
             let (least, most) = (min - q0[i], max - q0[i]);
             return Err(PostureError::Limit { joint, name, position, min, max, least, most });
         }
-        let needed_s = offset.abs().max((offset - before[i]).abs()) / (SPEED_MAX * MEAN_SPEED);
-        shortest_s = shortest_s.max(needed_s);
+        let needed_s = shortest_s(offset).max(shortest_s(offset - before[i]));
+        default_s = default_s.max(needed_s);
         if duration_s > 0.0 && duration_s < needed_s {
             let speed = SPEED_MAX * needed_s / duration_s;
             return Err(PostureError::Speed { joint, name, speed, needed_s });
         }
     }
-    let duration_s = if duration_s > 0.0 { duration_s } else { shortest_s };
+    let duration_s = if duration_s > 0.0 { duration_s } else { default_s };
     Ok(PostureMove { offset: *offset, duration_s })
 }
 
@@ -106,7 +104,7 @@ mod tests {
         assert_eq!((moved.offset[2], moved.duration_s), (0.5, 1.0));
         assert_eq!(admitted(3, 0.5, 0.0).unwrap().duration_s, 1.0);
         assert_eq!(admitted(3, 1.0, 0.0).unwrap().duration_s, 1.875, "as long as it needs");
-        assert_eq!(admitted(3, 0.0, 0.01).unwrap().offset, JointVector::zeros());
+        assert_eq!(admitted(3, 0.0, 0.25).unwrap().offset, JointVector::zeros());
     }
 
     #[test]
@@ -115,8 +113,9 @@ mod tests {
             (3, f64::NAN, 1.0, ["joint 3", "no number"]),
             (3, f64::INFINITY, 1.0, ["joint 3", "no number"]),
             (3, 0.5, -1.0, ["-1 s", "--in"]),
+            (3, 0.5, 1e-300, ["s (--in)", "0.25 to 60"]),
             (3, 0.5, f64::NAN, ["NaN s", "--in"]),
-            (3, 0.5, 61.0, ["61 s", "at most 60 s"]),
+            (3, 0.5, 61.0, ["61 s", "0.25 to 60 s"]),
             (3, 0.5, 0.5, ["1.88 rad/s", "give it 0.94 s"]),
             (4, 1.5, 10.0, ["joint 4", "its offset within"]),
         ] {

@@ -6,6 +6,15 @@ use physics::arm::{JointVector, MAX_JOINTS};
 
 const ZERO: JointVector = JointVector::from_array_storage(ArrayStorage([[0.0; MAX_JOINTS]]));
 
+/// The fastest that a joint of the posture is on its way from rest, rad/s.
+pub const SPEED_MAX: f64 = 1.0;
+
+/// How long a way of so many radians takes at least, s: a movement of minimum jerk is at most 15/8 as fast
+/// as its mean.
+pub fn shortest_s(way_rad: f64) -> f64 {
+    way_rad.abs() * 15.0 / 8.0 / SPEED_MAX
+}
+
 /// An admitted move: to `offset` from the start posture, rad, within `duration_s` > 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PostureMove {
@@ -36,31 +45,37 @@ impl Offset {
 pub struct PosturePath {
     from: Offset,
     to: PostureMove,
-    /// Time of the rollout at which it left `from`, s.
+    /// Time of the rollout at which it left `from`, and how long it takes from there, s.
     left_s: f64,
+    takes_s: f64,
 }
 
 impl PosturePath {
-    pub const NONE: PosturePath =
-        PosturePath { from: Offset::NONE, to: PostureMove::NONE, left_s: 0.0 };
+    pub const NONE: PosturePath = PosturePath {
+        from: Offset::NONE,
+        to: PostureMove::NONE,
+        left_s: 0.0,
+        takes_s: PostureMove::NONE.duration_s,
+    };
 
     /// A rollout begins, at the start posture, and moves where the last order said.
     pub fn restart(&mut self) {
-        (self.from, self.left_s) = (Offset::NONE, 0.0);
+        (self.from, self.left_s, self.takes_s) = (Offset::NONE, 0.0, self.to.duration_s);
     }
 
-    /// Moves on from where it is at `t_s`.
+    /// Moves on from where it is at `t_s`: as slowly as ordered, or as the way from there needs.
     pub fn go(&mut self, to: &PostureMove, t_s: f64) {
         self.from = self.at(t_s).unwrap_or(Offset::NONE);
         (self.to, self.left_s) = (*to, t_s);
+        self.takes_s = to.duration_s.max(shortest_s((to.offset - self.from.q).amax()));
     }
 
     /// The offset at `t_s`; `None` at the start posture, where nothing is to be added.
     ///
     /// The polynomial of fifth order in s = (t − t₀)/T that meets both ends. From rest it is the movement of
-    /// minimum jerk, q₀ + (q₁ − q₀)(10s³ − 15s⁴ + 6s⁵), at most 15/8 |q₁ − q₀|/T fast.
+    /// minimum jerk, q₀ + (q₁ − q₀)(10s³ − 15s⁴ + 6s⁵).
     pub fn at(&self, t_s: f64) -> Option<Offset> {
-        let (T, to) = (self.to.duration_s, self.to.offset);
+        let (T, to) = (self.takes_s, self.to.offset);
         let s = (t_s - self.left_s) / T;
         if s >= 1.0 {
             return (to != ZERO).then_some(Offset { q: to, ..Offset::NONE });
@@ -121,6 +136,16 @@ mod tests {
         }
         let last = path.at(1.2 - 1e-9).unwrap();
         assert!((last.q[0] + 0.2).abs() < 1e-12 && last.qd[0].abs() < 1e-7);
+    }
+
+    #[test]
+    fn an_order_that_is_too_fast_for_the_way_left_takes_longer() {
+        let mut path = PosturePath::NONE;
+        path.go(&to(0.8, 2.0), 0.0);
+        path.go(&to(0.0, 0.25), 5.0);
+        let fastest = (0..2000).filter_map(|k| path.at(5.0 + 1e-3 * f64::from(k)));
+        let fastest = fastest.map(|offset| offset.qd.amax()).fold(0.0, f64::max);
+        assert!((fastest - SPEED_MAX).abs() < 1e-6, "{fastest} rad/s");
     }
 
     #[test]
