@@ -51,6 +51,8 @@ pub enum Verb {
     Hold(arm::HoldArgs),
     /// End the hold after a machine fault, once its cause is mended
     Rearm(arm::RearmArgs),
+    /// Move the elbow of a running arm while the skill goes on
+    Posture(arm::PostureArgs),
     /// Look at the policies of a session; put policies into a running cell, and take them back
     Policy(PolicyArgs),
     /// Watch a running cell in the terminal, or in a 3-D viewer

@@ -113,7 +113,15 @@ fn mute(status: &Status) -> Option<String> {
     })
 }
 
-fn has_learner(status: &Status) -> bool {
+/// Where somebody has moved the posture: joint by joint.
+pub fn posture(status: &Status) -> Option<String> {
+    let moved = status.posture.iter().enumerate().filter(|(_, offset)| **offset != 0.0);
+    let said: Vec<String> =
+        moved.map(|(i, offset)| format!("{offset} rad at joint {}", i + 1)).collect();
+    (!said.is_empty()).then(|| said.join(", "))
+}
+
+pub fn has_learner(status: &Status) -> bool {
     Duration::from_nanos(status.learner_age_ns) < SILENT
 }
 
@@ -133,6 +141,11 @@ pub fn notes(status: &Status, cell: &str) -> Vec<String> {
     }
     if has_learner(status) {
         notes.extend(people(status.learner_waits, cell));
+    }
+    if let Some(offset) = posture(status) {
+        notes.push(format!(
+            "the posture of served rollouts is moved by {offset}; `skillet posture --reset --cell {cell}`"
+        ));
     }
     if status.pin_restored == 1 {
         notes.push(format!(
@@ -210,6 +223,10 @@ mod tests {
         let judged = Status { learner_waits: WAITS_JUDGE, learner_age_ns: 0, ..Status::ZERO };
         assert!(notes(&judged, "c1")[0].contains("waits for its judge"));
         assert_eq!(of(&judged).0, Health::Ok, "it is no defect");
+        let moved = Status { posture: [0.4, 0.0, -0.2, 0.0, 0.0, 0.0, 0.0], ..Status::ZERO };
+        let said = &notes(&moved, "c1")[0];
+        assert!(said.contains("0.4 rad at joint 1, -0.2 rad at joint 3"), "{said}");
+        assert!(said.contains("skillet posture --reset --cell c1"), "{said}");
         for (waits, word) in [
             (WAITS_RATING, "skillet judge SESSION --rate"),
             (ASKS_DEMONSTRATION, "skillet demo add SESSION"),

@@ -66,6 +66,7 @@ fn main() -> ExitCode {
         Verb::Status(args) => commands::status::run(args),
         Verb::Hold(args) => commands::rearm::hold(args),
         Verb::Rearm(args) => commands::rearm::run(args),
+        Verb::Posture(args) => commands::posture::run(args),
         Verb::Policy(args) => commands::policy::run(args),
         Verb::Watch(args) => commands::watch::run(args),
         Verb::Record(args) => commands::record::run(args),

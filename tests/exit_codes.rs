@@ -18,7 +18,7 @@ const NO_CONTROLLER: i32 = 3;
 /// controller, the cell `none` has not.
 type Row = (&'static str, &'static [(i32, &'static str)]);
 
-const ROWS: [Row; 47] = [
+const ROWS: [Row; 48] = [
     ("learn", &[(DONE, "pancake --rollouts 2 --out l"), (ERROR, "pancake --config absent.toml")]),
     ("controller", &[(ERROR, "--cell c1"), (ERROR, "--cell UP"), (ERROR, "--config absent.toml")]),
     ("learner", &[(DONE, "--cell c1 --session s"), (ERROR, "--session l2 --config absent.toml")]),
@@ -26,6 +26,17 @@ const ROWS: [Row; 47] = [
     ("hold", &[(DONE, "--cell c1"), (NO_CONTROLLER, "--cell none"), (ERROR, "--cell UP")]),
     // After the hold above.
     ("rearm", &[(DONE, "--cell c1"), (NO_CONTROLLER, "--cell none"), (ERROR, "--cell UP")]),
+    (
+        "posture",
+        &[
+            (DONE, "--joint 1 --by -0.2 --in 2 --cell c1"),
+            (DONE, "--offset 0,0,0.2 --cell c1"),
+            (DONE, "--reset --cell c1"),
+            (ERROR, "--joint 3 --by 99 --cell c1"),
+            (ERROR, "--joint 3 --cell c1"),
+            (NO_CONTROLLER, "--reset --cell none"),
+        ],
+    ),
     ("policy list", &[(DONE, "s"), (DONE, "--cell none"), (ERROR, "nowhere")]),
     ("policy show", &[(DONE, "s 1"), (ERROR, "s 999"), (ERROR, "nowhere 1")]),
     ("policy modes", &[(DONE, "s"), (ERROR, "nowhere")]),

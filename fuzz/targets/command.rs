@@ -1,16 +1,17 @@
-//! A command to the controller, and the policy an import brings: admission and dry run.
+//! A command to the controller, and what it brings: a policy to its admission and dry run, a posture to its own.
 #![no_main]
 
 use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
-use physics::arm::ArmModel;
+use physics::arm::{ArmModel, JointVector};
 use physics::pancake::WAM7_START_POSTURE;
 use rt_controller::ControllerConfig;
 use rt_controller::admit::admission::admit;
+use rt_controller::admit::posture::admit_posture;
 use rt_controller::fuzzing::dry_run;
 use shm_types::SCHEMA;
-use shm_types::command::{COMMAND_IMPORT, Command};
+use shm_types::command::{COMMAND_IMPORT, COMMAND_POSTURE, Command};
 use skillet_fuzz::{field, patched, split, springs, wam};
 
 /// A longer dry run costs more than it tells.
@@ -27,11 +28,19 @@ fuzz_target!(|data: &[u8]| {
         command.schema = SCHEMA;
         command.policy = command.policy.sealed();
     }
-    if command.validate().is_err() || command.kind != COMMAND_IMPORT {
+    if command.validate().is_err() {
         return;
     }
     let config = ControllerConfig { approach_s: 0.01, settle_s: 0.6, ..Default::default() };
-    if let Ok(policy) = admit(&command.policy, &ARM, &config)
+    if command.kind == COMMAND_POSTURE {
+        let (offset, q0) = (JointVector::from(command.posture), WAM7_START_POSTURE);
+        let before = JointVector::zeros();
+        if let Ok(to) = admit_posture(&offset, command.duration_s, &before, &ARM, &q0, &config) {
+            assert!(to.offset.iter().all(|offset| offset.is_finite()) && to.duration_s > 0.0);
+        }
+    }
+    if command.kind == COMMAND_IMPORT
+        && let Ok(policy) = admit(&command.policy, &ARM, &config)
         && policy.duration_s <= LONGEST_S
     {
         let _ = dry_run(&policy, &ARM, &WAM7_START_POSTURE, &config);

@@ -8,6 +8,7 @@ use shm_types::telemetry::TelemetryTick;
 use crate::executor::flight::FlightRecord;
 use crate::executor::recording::Recording;
 use crate::fault::Fault;
+use crate::hot::posture::PostureMove;
 
 /// A rollout to execute: travels exchange → executing thread with the memory its records go to.
 pub(crate) struct Job<P> {
@@ -51,11 +52,27 @@ pub(crate) struct Applied<P> {
     pub policy: P,
 }
 
+/// A posture for the null space, on its way to the loop.
+pub(crate) struct PostureOrder {
+    pub seq: u64,
+    pub to: PostureMove,
+}
+
+/// The loop's word that it has it.
+pub(crate) struct PostureTaken {
+    pub seq: u64,
+    /// First tick that knows of it, and when it was taken, ns.
+    pub tick: u64,
+    pub at_ns: u64,
+}
+
 /// The executing thread's ends of the rings.
 pub(crate) struct Ends<P> {
     pub jobs: Consumer<Job<P>>,
     pub swaps: Consumer<Swap<P>>,
     pub applied: Producer<Applied<P>>,
+    pub postures: Consumer<PostureOrder>,
+    pub postures_taken: Producer<PostureTaken>,
     pub done: Producer<Done>,
     pub telemetry: Producer<TelemetryTick>,
     pub flights: Producer<Box<FlightRecord>>,
@@ -67,6 +84,8 @@ pub(crate) struct ExchangeEnds<P> {
     pub jobs: Producer<Job<P>>,
     pub swaps: Producer<Swap<P>>,
     pub applied: Consumer<Applied<P>>,
+    pub postures: Producer<PostureOrder>,
+    pub postures_taken: Consumer<PostureTaken>,
     pub done: Consumer<Done>,
     pub flights: Consumer<Box<FlightRecord>>,
     pub spare_flights: Producer<Box<FlightRecord>>,

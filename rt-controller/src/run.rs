@@ -14,6 +14,7 @@ use shm_types::policy::PolicyMsg;
 
 use crate::admit::admission::{admit, records_needed};
 use crate::admit::dry_run::dry_run;
+use crate::admit::posture::admit_posture;
 use crate::config::{Alone, ControllerConfig, Pace};
 use crate::exchange::boot_id;
 use crate::exchange::setup::Setup;
@@ -113,6 +114,9 @@ impl<'a> Start<'a> {
             dry_run(&policy, model, &q0, config)?;
             Ok((policy, n_records))
         };
+        let admit_posture = |offset: &JointVector, duration_s, before: &JointVector| {
+            admit_posture(offset, duration_s, before, model, &q0, config)
+        };
         let privileged = AtomicBool::new(false);
         let latch = Latch::new();
         let alone_after = Duration::from_secs_f64(config.alone_after_s);
@@ -120,6 +124,7 @@ impl<'a> Start<'a> {
             boot_id,
             admit: &admit,
             admit_to_serve: &admit_to_serve,
+            admit_posture: &admit_posture,
             period_ns: config.period_ns(),
             record_ns: config.period_ns() * config.record_stride() as u64,
             pace,

@@ -20,6 +20,8 @@ use crate::summary::{RunError, RunSummary};
 const TELEMETRY_RING: usize = 4096;
 /// One swap and one rollout are under way at a time; the rings have room to spare.
 const SWAP_RING: usize = 4;
+/// Postures that may wait for the loop's next tick.
+const POSTURE_RING: usize = 4;
 /// Boxes for flight records: one in the loop, one on its way.
 const FLIGHT_RING: usize = 2;
 
@@ -39,6 +41,8 @@ pub(crate) fn serve<P: Send + Clone + PartialEq>(
     let (job_tx, jobs) = RingBuffer::new(EPISODE_LOANS);
     let (swap_tx, swaps) = RingBuffer::new(SWAP_RING);
     let (applied, applied_rx) = RingBuffer::new(SWAP_RING);
+    let (posture_tx, postures) = RingBuffer::new(POSTURE_RING);
+    let (postures_taken, taken_rx) = RingBuffer::new(POSTURE_RING);
     let (done, done_rx) = RingBuffer::new(EPISODE_LOANS);
     let (telemetry, telemetry_rx) = RingBuffer::new(TELEMETRY_RING);
     let (flights, flight_rx) = RingBuffer::new(FLIGHT_RING);
@@ -47,11 +51,23 @@ pub(crate) fn serve<P: Send + Clone + PartialEq>(
         // Without a folder none is written: the loop keeps its own.
         let _ = spare_tx.push(Box::new(FlightRecord::new()));
     }
-    let ends = Ends { jobs, swaps, applied, done, telemetry, flights, spare_flights };
+    let ends = Ends {
+        jobs,
+        swaps,
+        applied,
+        postures,
+        postures_taken,
+        done,
+        telemetry,
+        flights,
+        spare_flights,
+    };
     let exchange_ends = ExchangeEnds {
         jobs: job_tx,
         swaps: swap_tx,
         applied: applied_rx,
+        postures: posture_tx,
+        postures_taken: taken_rx,
         done: done_rx,
         flights: flight_rx,
         spare_flights: spare_tx,

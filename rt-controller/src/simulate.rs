@@ -10,6 +10,7 @@ use thiserror::Error;
 use crate::admit::admission::{AdmissionError, admit};
 use crate::config::ControllerConfig;
 use crate::executor::recording::Recording;
+use crate::hot::posture::PostureMove;
 use crate::hot::rollout::Phase;
 use crate::hot::tick::Controller;
 use crate::run::Controlled;
@@ -51,6 +52,18 @@ pub fn simulate<P: Plant>(
     policy: &PolicyMsg,
     records: &mut [TickRecord],
 ) -> Result<Simulated, SimulateError> {
+    simulate_moved(controlled, config, policy, &PostureMove::NONE, records)
+}
+
+/// The same where somebody has moved the posture that the null space is drawn to, as `skillet posture` does
+/// in served rollouts.
+pub fn simulate_moved<P: Plant>(
+    controlled: &mut Controlled<P>,
+    config: &ControllerConfig,
+    policy: &PolicyMsg,
+    posture: &PostureMove,
+    records: &mut [TickRecord],
+) -> Result<Simulated, SimulateError> {
     let rollout = policy.rollout;
     let policy = admit(policy, controlled.model, config)?;
     let mut controller =
@@ -59,6 +72,7 @@ pub fn simulate<P: Plant>(
     controlled.plant.announce(rollout);
     controlled.plant.begin_reset();
     finish(controlled.plant)?;
+    controller.move_posture(posture);
     controller.start(&policy);
     while controller.phase() != Phase::Idle {
         let measured = controlled.plant.measure();

@@ -8,7 +8,7 @@ use hostile::{messages, mutate, noise};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use shm_types::SCHEMA;
-use shm_types::command::{AT_NOW, COMMAND_HOLD, COMMAND_STATUS, Command, Reply, Status};
+use shm_types::command::{AT_NOW, COMMAND_POSTURE, COMMAND_STATUS, Command, Reply, Status};
 use shm_types::episode::{EpisodeHeader, TickRecord};
 use shm_types::news::{MAX_MODES, TrialNews};
 use shm_types::telemetry::{TELEMETRY_TICKS, Telemetry};
@@ -25,7 +25,7 @@ fn a_command_that_is_taken_is_one() {
     for _ in 0..sent {
         let mut command: Command = noise(&mut rng);
         if rng.random_bool(0.8) {
-            let kind = rng.random_range(COMMAND_STATUS - 1..=COMMAND_HOLD + 1);
+            let kind = rng.random_range(COMMAND_STATUS - 1..=COMMAND_POSTURE + 1);
             command = Command { at: rng.random_range(0..3), ..Command::new(kind, 7) };
         }
         if rng.random() {
@@ -34,7 +34,7 @@ fn a_command_that_is_taken_is_one() {
         if command.validate().is_ok() {
             taken += 1;
             assert_eq!(command.schema, SCHEMA);
-            assert!(command.kind >= COMMAND_STATUS && command.kind <= COMMAND_HOLD);
+            assert!(command.kind >= COMMAND_STATUS && command.kind <= COMMAND_POSTURE);
             assert!(command.at <= AT_NOW);
         }
     }

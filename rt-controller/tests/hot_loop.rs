@@ -20,7 +20,7 @@ use physics::plant::{Measurement, Plant};
 use rt_controller::{ControllerConfig, Pace, RunSummary};
 use seccompiler::{SeccompAction, SeccompFilter, apply_filter};
 use shm_types::cell::{Cell, runtime_dir};
-use shm_types::command::{AT_NOW, COMMAND_ACTIVATE, COMMAND_PIN, Command};
+use shm_types::command::{AT_NOW, COMMAND_ACTIVATE, COMMAND_PIN, COMMAND_POSTURE, Command};
 
 /// Ticks of the spy.
 static TICKS: AtomicU64 = AtomicU64::new(0);
@@ -99,8 +99,8 @@ fn only_sleep() -> seccompiler::BpfProgram {
     SeccompFilter::new(rules, kill, pass, arch).unwrap().try_into().unwrap()
 }
 
-/// Runs a cell whose plant does `deed`, and swaps springs and a field of the state in turn until `is_over`; returns the
-/// controller's summary and the swaps acknowledged.
+/// Runs a cell whose plant does `deed`, and swaps springs and a field of the state, and two postures, in turn
+/// until `is_over`; returns the controller's summary and the swaps acknowledged.
 fn run_cell(name: &str, pace: Pace, deed: Deed, is_over: impl Fn() -> bool) -> (RunSummary, u64) {
     let config = ControllerConfig { blend_s: 0.002, ..Default::default() };
     let model = wam();
@@ -116,6 +116,8 @@ fn run_cell(name: &str, pace: Pace, deed: Deed, is_over: impl Fn() -> bool) -> (
         while !is_over() {
             // Too early is an answer, too: the last one is still fading in.
             swaps += operator.ask(swap(policies[swaps % 2])).accepted as usize;
+            let posture = [0.0, 0.0, 0.2 * (swaps % 2) as f64, 0.0, 0.0, 0.0, 0.0];
+            operator.ok(Command { posture, ..Command::new(COMMAND_POSTURE, 0) });
         }
         swaps as u64
     })

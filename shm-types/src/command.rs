@@ -7,9 +7,9 @@
 use iceoryx2::prelude::ZeroCopySend;
 use thiserror::Error;
 
-use crate::SCHEMA;
 use crate::policy::{PolicyMsg, PolicyName};
 use crate::text::{self, NO_REASON, REASON_LEN};
+use crate::{MAX_JOINTS, SCHEMA};
 
 pub const COMMAND_STATUS: u64 = 1;
 pub const COMMAND_STOP: u64 = 2;
@@ -29,6 +29,9 @@ pub const COMMAND_ALLOW: u64 = 9;
 pub const COMMAND_REARM: u64 = 10;
 /// Holds the arm where it is, until it is re-armed.
 pub const COMMAND_HOLD: u64 = 11;
+/// Moves the posture that the null space is drawn to by `posture` within `duration_s`; the reply comes when
+/// the loop has it.
+pub const COMMAND_POSTURE: u64 = 12;
 
 /// Values of [`Command::at`].
 pub const AT_NEXT_ROLLOUT: u64 = 0;
@@ -39,7 +42,7 @@ pub const LAST_GOOD: u64 = 0;
 
 message! {
     /// A request; `id` is drawn at random by the client, so that a repeated request is recognised.
-    pub struct Command as "skillet/Command/2" {
+    pub struct Command as "skillet/Command/3" {
         pub schema: u64,
         pub id: u64,
         /// `COMMAND_*`.
@@ -48,6 +51,10 @@ message! {
         pub policy_id: u64,
         /// `AT_*`.
         pub at: u64,
+        /// Offset of every joint from the start posture, rad, and how long the move takes, s; 0: as long as
+        /// it needs. Read by [`COMMAND_POSTURE`] only.
+        pub posture: [f64; MAX_JOINTS],
+        pub duration_s: f64,
         /// Read by an import only.
         pub policy: PolicyMsg,
     }
@@ -64,7 +71,7 @@ pub const PLANT_ABSENT: u64 = 2;
 
 message! {
     /// State of the controller when it answered. Times in ns; percentiles since its start.
-    pub struct Status as "skillet/Status/5" {
+    pub struct Status as "skillet/Status/6" {
         pub boot_id: u64,
         pub tick: u64,
         pub phase: u64,
@@ -92,6 +99,10 @@ message! {
         pub pinned: u64,
         /// 1: the pin is that of an earlier run, and nobody has said anything about it since.
         pub pin_restored: u64,
+        /// Where the null space is drawn to in served rollouts: offset from the start posture, rad, reached
+        /// within so long, s.
+        pub posture: [f64; MAX_JOINTS],
+        pub posture_s: f64,
         /// Policies in the catalogue.
         pub imported: u64,
         /// Rollouts that a learner asked for, and others.
@@ -140,13 +151,13 @@ message! {
 
 message! {
     /// The answer to a command.
-    pub struct Reply as "skillet/Reply/2" {
+    pub struct Reply as "skillet/Reply/3" {
         pub schema: u64,
         pub id: u64,
         /// 1 when the command was understood and carried out.
         pub accepted: u64,
         /// Of an import: its id. Of a swap: policy, first tick in which no other policy acts, and
-        /// when that tick began on the monotonic clock, ns.
+        /// when that tick began on the monotonic clock, ns. Of a posture: the first tick that knows of it.
         pub policy: PolicyName,
         pub applied_tick: u64,
         pub applied_ns: u64,
@@ -172,16 +183,24 @@ pub enum CommandError {
 impl Command {
     /// A command of `kind` about no policy.
     pub fn new(kind: u64, id: u64) -> Command {
-        let policy = PolicyMsg::EMPTY;
-        Command { schema: SCHEMA, id, kind, policy_id: LAST_GOOD, at: AT_NEXT_ROLLOUT, policy }
+        Command {
+            schema: SCHEMA,
+            id,
+            kind,
+            policy_id: LAST_GOOD,
+            at: AT_NEXT_ROLLOUT,
+            posture: [0.0; MAX_JOINTS],
+            duration_s: 0.0,
+            policy: PolicyMsg::EMPTY,
+        }
     }
 
-    /// Everything but the policy, which is admission's matter.
+    /// Everything but policy and posture, which are admission's matter.
     pub fn validate(&self) -> Result<(), CommandError> {
         if self.schema != SCHEMA {
             return Err(CommandError::Schema { found: self.schema });
         }
-        if !(COMMAND_STATUS..=COMMAND_HOLD).contains(&self.kind) {
+        if !(COMMAND_STATUS..=COMMAND_POSTURE).contains(&self.kind) {
             return Err(CommandError::Kind(self.kind));
         }
         if self.at > AT_NOW {
@@ -237,6 +256,8 @@ impl Status {
         last_good: PolicyName::NONE,
         pinned: 0,
         pin_restored: 0,
+        posture: [0.0; MAX_JOINTS],
+        posture_s: 0.0,
         imported: 0,
         rollouts_done: 0,
         rollouts_served: 0,

@@ -7,7 +7,7 @@ use anyhow::Result;
 use physics::arm::{ArmModel, BodyFrames, TipKinematics, dynamics};
 use physics::plant::Plant;
 use rt_controller::hot::policy::Policy;
-use rt_controller::hot::wrench::{ArmState, operational_space_torque};
+use rt_controller::hot::wrench::{ArmState, TaskInertia};
 
 use super::arm::{Arm, Loop, State};
 use super::{Bench, Case, Plan, Row, interleave};
@@ -125,7 +125,8 @@ fn arm_parts<'a>(model: &'a ArmModel, states: &'a [State]) -> Vec<Case<'a>> {
         }),
         batches(row("gravity torque"), states, |state| dynamics::gravity_torque(model, &state.q)),
         batches(row("operational-space torque"), states, |state| {
-            operational_space_torque(&state.arm, &state.xdd, &state.qdd)
+            TaskInertia::new(&state.arm)
+                .map(|inertia| inertia.torque(&state.arm, &state.xdd, &state.qdd))
         }),
     ]
 }

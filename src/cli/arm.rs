@@ -1,8 +1,9 @@
-//! `skillet arm`, `skillet hold` and `skillet rearm`: verbs and flags.
+//! `skillet arm`, `skillet hold`, `skillet rearm` and `skillet posture`: verbs and flags.
 
 use std::path::PathBuf;
 
-use clap::{Args, Subcommand};
+use clap::{ArgGroup, Args, Subcommand};
+use shm_types::MAX_JOINTS;
 
 use super::CellArgs;
 
@@ -27,6 +28,45 @@ Example: skillet rearm --cell kitchen
 After a fault of the machine the arm is held, also over a restart of the controller. `skillet status`
 names the fault; the ticks before it lie in the cell's state folder, below faults.")]
 pub struct RearmArgs {
+    #[command(flatten)]
+    pub cell: CellArgs,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Args)]
+#[command(group(ArgGroup::new("posture").required(true).args(["joint", "offset", "reset"])))]
+#[command(after_help = "\
+Examples:
+  skillet posture --joint 1 --by 0.4 --in 1 --cell kitchen
+  skillet posture --offset -0.4,0,0.5,0,0.3,0,0 --cell kitchen
+  skillet posture --reset --cell kitchen
+
+An arm of 7 joints can move its elbow while its tip follows the skill. The elbow is drawn towards the start
+posture plus this offset; only the part of the offset that leaves the tip alone takes effect. A joint near
+the base moves the elbow far, a joint of the wrist hardly at all. Every rollout begins at the start posture
+and moves from there within --in.
+
+The offset acts while a policy is served (`skillet policy activate`, `pin`). A learner's rollouts keep the start
+posture, so that a session stays repeatable. The offset does not outlive the controller.")]
+pub struct PostureArgs {
+    /// Joint to move, counted from 1 at the base; the others go to the start posture
+    #[arg(long, value_name = "N", requires = "by")]
+    #[arg(value_parser = clap::value_parser!(u8).range(1..=MAX_JOINTS as i64))]
+    pub joint: Option<u8>,
+    /// How far from the start posture, rad
+    #[arg(long, value_name = "RAD", requires = "joint", allow_negative_numbers = true)]
+    pub by: Option<f64>,
+    /// How far every joint, from the base, rad; joints that are left out go to the start posture
+    #[arg(long, value_name = "RAD,RAD,...", value_parser = offsets, allow_hyphen_values = true)]
+    pub offset: Option<[f64; MAX_JOINTS]>,
+    /// Back to the start posture
+    #[arg(long)]
+    pub reset: bool,
+    /// How long the move takes, s; as long as it needs, and at least 1 s, when absent
+    #[arg(long = "in", value_name = "S", value_parser = duration)]
+    pub within: Option<f64>,
     #[command(flatten)]
     pub cell: CellArgs,
     /// Print JSON
@@ -84,6 +124,23 @@ pub struct CheckArgs {
     /// Print JSON
     #[arg(long)]
     pub json: bool,
+}
+
+/// Numbers with commas between them, one a joint; zeros for the rest.
+fn offsets(text: &str) -> Result<[f64; MAX_JOINTS], String> {
+    let numbers: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse()).collect();
+    let numbers = numbers.map_err(|_| "write one number a joint, as 0,0,0.5")?;
+    let mut offsets = [0.0; MAX_JOINTS];
+    let Some(used) = offsets.get_mut(..numbers.len()) else {
+        return Err(format!("{} numbers: an arm has at most {MAX_JOINTS} joints", numbers.len()));
+    };
+    used.copy_from_slice(&numbers);
+    Ok(offsets)
+}
+
+fn duration(text: &str) -> Result<f64, String> {
+    let seconds: Option<f64> = text.parse().ok();
+    seconds.filter(|seconds| *seconds > 0.0).ok_or("use seconds, more than 0".into())
 }
 
 fn held(text: &str) -> Result<(String, f64), String> {

@@ -14,6 +14,7 @@ pub mod live;
 pub mod modes;
 pub mod plant;
 pub mod policy;
+pub mod posture;
 pub mod rearm;
 pub mod record;
 pub mod repertoire;

@@ -111,6 +111,8 @@ fn as_json(cell: &Cell, status: &Status) -> serde_json::Value {
         "last_good_policy": status.last_good.describe(),
         "pinned": status.pinned == 1,
         "pin_restored": status.pin_restored == 1,
+        "posture_offset_rad": health::posture(status).map(|_| status.posture),
+        "posture_in_s": health::posture(status).map(|_| status.posture_s),
         "imported": status.imported,
         "rollouts_done": status.rollouts_done,
         "rollouts_served": status.rollouts_served,

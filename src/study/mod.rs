@@ -16,6 +16,7 @@ mod niching;
 mod pancake;
 mod peaks;
 mod peers;
+mod posture;
 mod ratings;
 mod repertoire;
 mod robots;
@@ -146,6 +147,12 @@ pub const STUDIES: &[Study] = &[
         "ball-in-a-cup beside a table on whose edge the cup catches",
         1,
         table::run_seed,
+    ),
+    table_of(
+        "posture",
+        "a learnt flip while the posture is moved: what the pan sees of it",
+        1,
+        posture::run_seed,
     ),
     table_of(
         "dynamics",

@@ -16,6 +16,7 @@ use physics::pancake::{PancakeConfig, PancakePlant};
 use physics::plant::Plant;
 use physics::referee::{Referee, Toss, TossConfig};
 use rand::RngExt;
+use rt_controller::hot::posture::PostureMove;
 use rt_controller::run::Controlled;
 use search::Search;
 use search::normals::stream;
@@ -28,7 +29,7 @@ use super::Sample;
 use super::runs::{Came, Executed, session};
 use crate::config::Config;
 use crate::config::plant::DynamicsKind;
-use crate::tasks::executor::episode;
+use crate::tasks::executor::episode_moved;
 use crate::{judging, setup};
 
 /// Perturbed rollouts that judge an answer.
@@ -316,11 +317,22 @@ impl Bench {
         theta: &DVector<f64>,
         plant: &mut P,
     ) -> Result<Vec<TickRecord>> {
+        self.records_moved(problem, theta, plant, &PostureMove::NONE)
+    }
+
+    /// The same with the posture moved.
+    pub fn records_moved<P: Plant>(
+        &self,
+        problem: &Problem,
+        theta: &DVector<f64>,
+        plant: &mut P,
+        posture: &PostureMove,
+    ) -> Result<Vec<TickRecord>> {
         let policy = self.policy(problem, theta);
         let (q0, config) = (self.config.plant.start_posture(), &self.config.controller);
         let referee = Referee::Toss(Toss::new(&TossConfig::default()));
         let mut controlled = Controlled { model: &self.model, plant, q0, referee };
-        Ok(episode(&mut controlled, config, &policy)?.1)
+        Ok(episode_moved(&mut controlled, config, &policy, posture)?.1)
     }
 }
 

@@ -4,8 +4,9 @@ use anyhow::{Context, Result};
 use physics::plant::Plant;
 use rt_controller::ControllerConfig;
 use rt_controller::executor::action;
+use rt_controller::hot::posture::PostureMove;
 use rt_controller::run::Controlled;
-use rt_controller::simulate::{Simulated, simulate};
+use rt_controller::simulate::{Simulated, simulate_moved};
 use shm_types::episode::{EpisodeHeader, MAX_RECORDS, TickRecord};
 use shm_types::policy::PolicyMsg;
 
@@ -54,9 +55,20 @@ pub fn episode<P: Plant>(
     config: &ControllerConfig,
     policy: &PolicyMsg,
 ) -> Result<(EpisodeHeader, Vec<TickRecord>)> {
+    episode_moved(controlled, config, policy, &PostureMove::NONE)
+}
+
+/// The same with the posture moved.
+pub fn episode_moved<P: Plant>(
+    controlled: &mut Controlled<P>,
+    config: &ControllerConfig,
+    policy: &PolicyMsg,
+    posture: &PostureMove,
+) -> Result<(EpisodeHeader, Vec<TickRecord>)> {
     let period_ns = config.period_ns() * config.record_stride() as u64;
     let mut records = vec![TickRecord::ZERO; MAX_RECORDS];
-    let Simulated { fault, n_records } = simulate(controlled, config, policy, &mut records)?;
+    let Simulated { fault, n_records } =
+        simulate_moved(controlled, config, policy, posture, &mut records)?;
     records.truncate(n_records);
     Ok((EpisodeHeader { fault, period_ns, ..EpisodeHeader::default() }, records))
 }

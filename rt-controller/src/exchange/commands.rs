@@ -9,19 +9,20 @@ use std::sync::Arc;
 use shm_types::channel::CommandRequest;
 use shm_types::command::{
     COMMAND_ACTIVATE, COMMAND_ALLOW, COMMAND_FORBID, COMMAND_HOLD, COMMAND_IMPORT, COMMAND_PIN,
-    COMMAND_REARM, COMMAND_ROLLBACK, COMMAND_STATUS, COMMAND_STOP, COMMAND_UNPIN, Command,
-    CommandError, LAST_GOOD, Reply,
+    COMMAND_POSTURE, COMMAND_REARM, COMMAND_ROLLBACK, COMMAND_STATUS, COMMAND_STOP, COMMAND_UNPIN,
+    Command, CommandError, LAST_GOOD, Reply,
 };
 use shm_types::policy::PolicyName;
 use thiserror::Error;
 
 use crate::admit::admission::AdmissionError;
+use crate::admit::posture::PostureError;
 use crate::disk::catalogue::CatalogueError;
 use crate::disk::state_file::Remember;
 use crate::exchange::swap::{Served, SwapRefused};
 use crate::exchange::{Exchange, KNOWN};
 use crate::fault::Fault;
-use crate::rings::Applied;
+use crate::rings::{Applied, PostureTaken};
 
 /// Replies kept for repeated commands.
 const RECENT: usize = 64;
@@ -37,6 +38,12 @@ pub(crate) enum Refusal {
     Catalogue(#[from] CatalogueError),
     #[error(transparent)]
     Swap(#[from] SwapRefused),
+    #[error(transparent)]
+    Posture(#[from] PostureError),
+    #[error(
+        "the loop has not taken the postures before this one yet: repeat the command in a moment"
+    )]
+    PostureWaits,
     #[error("the rollout ended before policy {0} acted: {1}")]
     Abandoned(String, &'static str),
     #[error("the arm is held after a machine fault ({0}): `skillet rearm` first")]
@@ -61,6 +68,8 @@ enum Outcome {
     Kept(u64),
     /// Answered when the loop has said whether it is re-armed.
     Rearmed,
+    /// Answered when the loop has taken this posture.
+    Posture(u64),
     Stop,
 }
 
@@ -133,7 +142,7 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
             let command: Command = *request;
             let Some(request) = self.commands.unless_repeated(request) else { continue };
             match self.carry_out(&command) {
-                Ok(outcome @ (Outcome::Applied(_) | Outcome::Kept(_) | Outcome::Rearmed)) => {
+                Ok(outcome) if !matches!(outcome, Outcome::Done | Outcome::Stop) => {
                     self.commands.waiting.push(Waiting { request, outcome });
                 }
                 Ok(outcome) => {
@@ -185,6 +194,7 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
                 self.rearm()?;
                 Outcome::Rearmed
             }
+            COMMAND_POSTURE => Outcome::Posture(self.move_posture(command)?),
             COMMAND_PIN | COMMAND_UNPIN => {
                 self.serving.pin(command.kind == COMMAND_PIN)?;
                 kept(self.remember())
@@ -241,6 +251,18 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
                 policy,
                 applied_tick: applied.tick,
                 applied_ns: applied.at_ns,
+                ..Reply::accepted(request.id, self.status())
+            };
+            self.commands.answer(request, reply);
+        }
+    }
+
+    /// The loop has taken a posture.
+    pub(crate) fn answer_posture(&mut self, taken: &PostureTaken) {
+        for request in self.commands.waiting_for(&Outcome::Posture(taken.seq)) {
+            let reply = Reply {
+                applied_tick: taken.tick,
+                applied_ns: taken.at_ns,
                 ..Reply::accepted(request.id, self.status())
             };
             self.commands.answer(request, reply);

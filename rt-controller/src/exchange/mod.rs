@@ -4,6 +4,7 @@ pub(crate) mod commands;
 pub(crate) mod hand_over;
 pub(crate) mod learner_link;
 pub(crate) mod loop_report;
+pub(crate) mod posture;
 pub(crate) mod rearm;
 pub(crate) mod serving;
 pub(crate) mod setup;
@@ -36,6 +37,7 @@ use crate::exchange::stalls::Stalls;
 use crate::exchange::swap::Served;
 use crate::executor::latch::Latched;
 use crate::fault::Fault;
+use crate::hot::posture::PostureMove;
 use crate::rings::{ExchangeEnds, Swap};
 use crate::summary::RunSummary;
 
@@ -71,6 +73,9 @@ pub(crate) struct Exchange<'a, P> {
     /// The machine fault that holds the arm, and whether the loop was asked to re-arm.
     pub(crate) latched: Option<Latched>,
     pub(crate) is_rearming: bool,
+    /// The newest one that was sent to the loop, and its number. Not remembered over a restart.
+    pub(crate) posture: PostureMove,
+    pub(crate) posture_seq: u64,
     pub(crate) commands: Commands,
     pub(crate) link: LearnerLink,
     /// Newest first.
@@ -128,6 +133,8 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
             flights,
             latched,
             is_rearming: false,
+            posture: PostureMove::NONE,
+            posture_seq: 0,
             commands: Commands::new(),
             link: LearnerLink::new(),
             known: Vec::new(),
@@ -159,6 +166,7 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
             self.watch_latch();
             self.take_flights();
             self.take_applied();
+            self.take_posture();
             self.take_done();
             self.take_spooled();
             self.link.receive(&self.ports, self.in_flight.as_ref().map(|f| f.served.name()));

@@ -4,14 +4,21 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use physics::arm::JointVector;
 use shm_types::policy::PolicyMsg;
 
 use crate::admit::admission::AdmissionError;
+use crate::admit::posture::PostureError;
 use crate::config::Pace;
 use crate::executor::latch::Latch;
+use crate::hot::posture::PostureMove;
 
 /// Checks a message; the policy to execute and the records it can fill.
 type Admit<'a, P> = &'a dyn Fn(&PolicyMsg) -> Result<(P, usize), AdmissionError>;
+
+/// Checks an offset of the posture, rad, reached within some time, s, from the offset of before, rad.
+type AdmitPosture<'a> =
+    &'a dyn Fn(&JointVector, f64, &JointVector) -> Result<PostureMove, PostureError>;
 
 pub(crate) struct Setup<'a, P> {
     /// Of this start of the controller.
@@ -20,6 +27,7 @@ pub(crate) struct Setup<'a, P> {
     pub admit: Admit<'a, P>,
     /// Of a policy that is to be served: with the dry run.
     pub admit_to_serve: Admit<'a, P>,
+    pub admit_posture: AdmitPosture<'a>,
     pub period_ns: u64,
     /// Time between two records.
     pub record_ns: u64,

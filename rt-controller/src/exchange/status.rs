@@ -54,6 +54,8 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
             last_good: name(self.serving.last_good()),
             pinned: u64::from(self.serving.is_pinned()),
             pin_restored: u64::from(self.serving.is_pin_restored()),
+            posture: self.posture.offset.into(),
+            posture_s: self.posture.duration_s,
             imported: self.catalogue.len() as u64,
             rollouts_done: self.rollouts,
             rollouts_served: self.served,

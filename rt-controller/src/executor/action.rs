@@ -12,6 +12,7 @@ use shm_types::measures::{Measure, Measures};
 use shm_types::policy::PolicyMsg;
 
 use crate::admit::admission::{Action, admit_action};
+use crate::admit::posture::PostureError;
 use crate::config::Pace;
 use crate::exchange::boot_id;
 use crate::exchange::setup::Setup;
@@ -50,6 +51,7 @@ pub fn run_action<W: ActionWorld + ?Sized>(
         admit: &admit,
         // There is no torque and no way to come to harm.
         admit_to_serve: &admit,
+        admit_posture: &|_, _, _| Err(PostureError::NoArm),
         period_ns: PERIOD_NS,
         record_ns: PERIOD_NS,
         pace: Pace::Max,

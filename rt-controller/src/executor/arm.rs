@@ -19,10 +19,10 @@ use crate::executor::latch::Latch;
 use crate::executor::recording::Recording;
 use crate::fault::Fault;
 use crate::hot::policy::Policy;
+use crate::hot::posture::PostureMove;
 use crate::hot::rollout::Phase;
 use crate::hot::tick::Controller;
-use crate::rings::Applied;
-use crate::rings::{Done, Ends, Job};
+use crate::rings::{Applied, Done, Ends, Job, PostureTaken};
 use crate::rt::{Clock, Wake, now_ns};
 
 /// How long an unpaced loop sleeps while there is nothing to do.
@@ -53,6 +53,8 @@ pub(crate) struct RtLoop<'a, P: Plant> {
     undelivered: Option<Done>,
     /// Of the policy in the controller, for observers.
     policy_digest: u64,
+    /// Where the null space is drawn to in rollouts that are no experiments.
+    posture: PostureMove,
     latch: &'a Latch,
     flight: Box<FlightRecord>,
     /// Takes the ticks outside Execute and Settle.
@@ -88,6 +90,7 @@ impl<'a, P: Plant> RtLoop<'a, P> {
             running: None,
             undelivered: None,
             policy_digest: 0,
+            posture: PostureMove::NONE,
             latch,
             flight: Box::new(FlightRecord::new()),
             scratch: TickRecord::ZERO,
@@ -125,6 +128,7 @@ impl<'a, P: Plant> RtLoop<'a, P> {
     /// Rollouts and policies that were asked for. A simulator may take its time to make another world; then
     /// there is no tick before the rollout begins in it.
     fn take_orders(&mut self) -> Presence {
+        self.move_posture_if_asked();
         if self.look() == Presence::There {
             self.begin_if_asked();
             self.swap_if_asked();
@@ -208,6 +212,10 @@ impl<'a, P: Plant> RtLoop<'a, P> {
         }
         if let Some(job) = self.preparing.take_if(|_| self.plant.is_ready()) {
             self.is_reset = false;
+            self.controller.move_posture(match job.is_experiment {
+                true => &PostureMove::NONE,
+                false => &self.posture,
+            });
             self.controller.start(&job.policy);
             self.policy_digest = job.policy_digest;
             let recording = Recording::new(self.record_stride);
@@ -225,6 +233,19 @@ impl<'a, P: Plant> RtLoop<'a, P> {
             self.controller.swap(&swap.policy);
             self.policy_digest = swap.policy_digest;
             self.acknowledge(swap.seq, self.controller.tick_number(), now_ns());
+        }
+    }
+
+    /// A learner's rollout is what its session says, whatever a person does to the arm's posture.
+    fn move_posture_if_asked(&mut self) {
+        while let Ok(order) = self.ends.postures.pop() {
+            self.posture = order.to;
+            if self.running.as_ref().is_some_and(|running| !running.is_experiment) {
+                self.controller.move_posture(&order.to);
+            }
+            let (seq, tick, at_ns) = (order.seq, self.controller.tick_number(), now_ns());
+            // Never full: as many places as orders.
+            let _ = self.ends.postures_taken.push(PostureTaken { seq, tick, at_ns });
         }
     }
 

@@ -12,6 +12,8 @@ pub(crate) mod measured;
 pub(crate) mod monitor;
 pub mod policy;
 #[cfg(feature = "loop")]
+pub mod posture;
+#[cfg(feature = "loop")]
 pub mod rollout;
 pub mod task_space;
 #[cfg(feature = "loop")]

@@ -10,6 +10,7 @@ use shm_types::policy::PolicyMsg;
 use crate::config::ControllerConfig;
 use crate::hot::blend::Blend;
 use crate::hot::policy::{Command, Policy};
+use crate::hot::posture::{Offset, PostureMove, PosturePath};
 use crate::hot::task_space::TaskState;
 
 /// After the policy's duration an object that rests on the tip gets this long to leave it.
@@ -66,6 +67,8 @@ pub struct Rollout {
     q_start: Option<JointVector>,
     /// Added to the start posture as the Approach's reference, rad.
     trim: JointVector,
+    /// Added to it while a policy acts: a rollout begins where it began.
+    posture: PosturePath,
     /// The arm rests at the start posture.
     arrived: bool,
     timed_out: bool,
@@ -93,6 +96,7 @@ impl Rollout {
             q0: *q0,
             q_start: None,
             trim: JointVector::zeros(),
+            posture: PosturePath::NONE,
             arrived: false,
             timed_out: false,
             policy: Policy::new(&PolicyMsg::EMPTY),
@@ -142,6 +146,17 @@ impl Rollout {
         self.elapsed = (t_new / self.period_s).round();
         self.blend =
             (self.blend_ticks > 0).then(|| Blend::new(&old, t_old, self.t_s(), self.blend_ticks));
+    }
+
+    /// Moves the posture of Execute and Settle: in this rollout from where it is, in those to come from the
+    /// start posture.
+    pub fn move_posture(&mut self, to: &PostureMove) {
+        self.posture.go(to, self.executed * self.period_s);
+    }
+
+    /// What is to be added to the start posture in this tick of Execute or Settle.
+    pub fn posture_offset(&self) -> Option<Offset> {
+        self.posture.at(self.executed * self.period_s)
     }
 
     /// What the policy, or the mixture of two, asks for in this tick of Execute or Settle.
@@ -265,6 +280,7 @@ impl Rollout {
 
     fn enter(&mut self, phase: Phase) {
         (self.q_start, self.trim, self.arrived) = (None, JointVector::zeros(), false);
+        self.posture.restart();
         self.phase = phase;
         (self.elapsed, self.executed, self.is_new) = (0.0, 0.0, true);
     }

@@ -20,9 +20,10 @@ use crate::hot::estimate::Estimate;
 use crate::hot::limits;
 use crate::hot::monitor::Monitor;
 use crate::hot::policy::Policy;
+use crate::hot::posture::{Offset, PostureMove};
 use crate::hot::rollout::{Phase, Rollout};
 use crate::hot::task_space::{TaskState, to_world};
-use crate::hot::wrench::{ArmState, computed_torque, operational_space_torque};
+use crate::hot::wrench::{ArmState, TaskInertia, computed_torque};
 
 /// A joint this far beyond its limit, rad, or this many times too fast, is out of control.
 const POSITION_TOLERANCE: f64 = 0.2;
@@ -63,8 +64,8 @@ struct Settings {
 const _: () = assert!(!std::mem::needs_drop::<Controller>());
 
 impl<'a> Controller<'a> {
-    /// `q0` is the start posture: where rollouts begin and what the null space is drawn to. `referee`
-    /// is one that has seen nothing yet.
+    /// `q0` is the start posture: where rollouts begin, and what the null space is drawn to until somebody
+    /// moves it. `referee` is one that has seen nothing yet.
     pub fn new(
         model: &'a ArmModel,
         q0: &JointVector,
@@ -117,6 +118,11 @@ impl<'a> Controller<'a> {
     /// Exchanges the policy from the next tick on, see [`Rollout::swap`].
     pub fn swap(&mut self, policy: &Policy) {
         self.rollout.swap(policy);
+    }
+
+    /// Moves the posture that the null space is drawn to, see [`Rollout::move_posture`].
+    pub fn move_posture(&mut self, to: &PostureMove) {
+        self.rollout.move_posture(to);
     }
 
     /// The policy of the rollout, or the last one.
@@ -240,11 +246,22 @@ impl<'a> Controller<'a> {
                 let command = self.rollout.command(&task);
                 record.attractor.copy_from_slice(command.attractor.as_slice());
                 let xdd_world: Vector6<f64> = to_world(&command.xdd);
-                operational_space_torque(&state, &xdd_world, &posture(self.rollout.q0()))
-                    .ok_or(Fault::Singular)?
+                let inertia = TaskInertia::new(&state).ok_or(Fault::Singular)?;
+                let tau = inertia.torque(&state, &xdd_world, &posture(self.rollout.q0()));
+                match self.rollout.posture_offset() {
+                    Some(offset) => tau + inertia.null_torque(&state, &self.pull(&offset)),
+                    None => tau,
+                }
             }
         };
         self.limit(measured, last_tau, &raw, record)
+    }
+
+    /// What an offset δ from the start posture adds to the null-space acceleration, rad/s²: the reference
+    /// q₀ + δ moves, q̈ = k (q₀ + δ − q) − d (q̇ − δ̇) + δ̈.
+    fn pull(&self, offset: &Offset) -> JointVector {
+        let settings = &self.settings;
+        offset.q * settings.posture_stiffness + offset.qd * settings.posture_damping + offset.qdd
     }
 
     fn check(&self, measured: &Measurement) -> Result<(), Fault> {

@@ -1,0 +1,61 @@
+//! `skillet posture`: another posture for the null space, while the tip goes on with its skill.
+
+use std::hash::{BuildHasher, Hasher, RandomState};
+use std::time::Duration;
+
+use anyhow::Result;
+use serde_json::json;
+use shm_types::MAX_JOINTS;
+use shm_types::command::{COMMAND_POSTURE, Command};
+
+use crate::Verdict;
+use crate::cell::NamedCell;
+use crate::cli::arm::PostureArgs;
+use crate::health;
+use crate::output::{print, print_json};
+
+const SOON: Duration = Duration::from_secs(5);
+
+pub fn run(args: &PostureArgs) -> Result<Verdict> {
+    let named = NamedCell::of(&args.cell)?;
+    let (name, id) = (named.cell.name(), RandomState::new().build_hasher().finish());
+    let (posture, duration_s) = (offset(args), args.within.unwrap_or(0.0));
+    let command = Command { posture, duration_s, ..Command::new(COMMAND_POSTURE, id) };
+    let (reply, sent_ns) = named.request(&command, SOON)?;
+    let (tick, in_s) = (reply.applied_tick, reply.status.posture_s);
+    if args.json {
+        print_json(&json!({
+            "cell": name,
+            "offset_rad": posture,
+            "in_s": in_s,
+            "applied_tick": tick,
+            "latency_ms": reply.applied_ns.saturating_sub(sent_ns) as f64 * 1e-6,
+        }))?;
+        return Ok(Verdict::Done);
+    }
+    let mut text = match health::posture(&reply.status) {
+        Some(offset) => format!(
+            "the posture moves by {offset} within {in_s:.1} s, from tick {tick} on\n`skillet posture \
+             --reset --cell {name}` takes it back\n"
+        ),
+        None => {
+            format!("the posture goes back to its start within {in_s:.1} s, from tick {tick} on\n")
+        }
+    };
+    if reply.status.pinned == 0 && health::has_learner(&reply.status) {
+        text += &format!(
+            "the learner's rollouts keep the start posture; `skillet policy pin --cell {name}` has the \
+             active policy served instead\n"
+        );
+    }
+    print(&text)?;
+    Ok(Verdict::Done)
+}
+
+fn offset(args: &PostureArgs) -> [f64; MAX_JOINTS] {
+    let mut offset = args.offset.unwrap_or([0.0; MAX_JOINTS]);
+    if let (Some(joint), Some(by)) = (args.joint, args.by) {
+        offset[usize::from(joint) - 1] = by;
+    }
+    offset
+}
