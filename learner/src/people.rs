@@ -10,6 +10,10 @@ use search::range::{Range, range};
 /// The best rating; the worst is 0.
 pub const BEST: f64 = 10.0;
 
+/// σ of a person's ratings, in units of the standard deviation of what they would be without errors: about that of
+/// one rating in five at random. With half of that, or with twice as much, a search learns about as well.
+const NOISE: f64 = 0.7;
+
 /// `[learner.people]`: what ratings count for, and when the learner turns to people.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -49,6 +53,11 @@ impl PeopleConfig {
 
     pub fn takes_ratings_alone(&self) -> bool {
         self.weight == 1.0
+    }
+
+    /// `learner.search.power.noise` where nothing else is set: ratings are noisy, and a reward is by their share in it.
+    pub fn noise(&self) -> f64 {
+        self.weight * NOISE
     }
 
     /// Success and reward of a rollout that somebody rated; `own` is what the robot's judge said.

@@ -10,8 +10,12 @@
 //! about how to succeed, the mean itself is executed now and then, and of several draws the one is
 //! executed whose known reward is highest. Where draws fail the noise narrows, and where the mean fails it
 //! is taken from fewer successes ([`draws`]).
+//!
+//! Departure: the paper takes a reward for what a trial is worth. Where it may be wrong, as a person's rating, elites
+//! are ranked by what the rewards of their neighbours say as well ([`neighbours`]).
 
 mod draws;
+mod neighbours;
 
 use std::cmp::Ordering;
 
@@ -67,6 +71,10 @@ pub struct PowerConfig {
     /// Only the last so many trials may be elites; 0 for all. Where outcomes are noisy, a lucky
     /// elite must not stay for ever.
     pub memory: u64,
+    /// σ, the standard deviation of what in a reward does not repeat, in units of that of the rest: elites are ranked
+    /// by their neighbours' rewards as well. 0 for rewards that are taken as they are.
+    #[serde(default = "exact")]
+    pub noise: f64,
     /// Rollouts drawn around θ₀ before the first update (after rollout 1, which is θ₀).
     pub n_initial: u64,
     pub initial_std: f64,
@@ -112,6 +120,10 @@ fn as_it_comes() -> f64 {
     0.0
 }
 
+fn exact() -> f64 {
+    0.0
+}
+
 impl Default for PowerConfig {
     fn default() -> Self {
         PowerConfig {
@@ -121,6 +133,7 @@ impl Default for PowerConfig {
             weights: Weights::Rank,
             scatter: Scatter::New,
             memory: 0,
+            noise: 0.0,
             n_initial: 15,
             initial_std: 1.0,
             floor_std: 0.5,
@@ -144,6 +157,7 @@ impl PowerConfig {
             range("n_elites", self.n_elites as f64, 1.0, 1e4),
             range("min_successes", self.min_successes as f64, 1.0, 1e4),
             range("memory", self.memory as f64, 0.0, 1e6),
+            range("noise", self.noise, 0.0, 100.0),
             range("n_initial", self.n_initial as f64, 0.0, 1e4),
             range("initial_std", self.initial_std, 0.0, 100.0),
             range("floor_std", self.floor_std, 0.0, 100.0),
@@ -228,6 +242,8 @@ pub struct Power {
     mean: DVector<f64>,
     /// Best first: every trial that can still become an elite.
     kept: Vec<Trial>,
+    /// The same with the rewards that were told, oldest first, where these are noisy.
+    told: Vec<Trial>,
     n_told: u64,
     /// The lowest reward told, 0 if none was negative: a reward above it says something.
     worst: f64,
@@ -257,6 +273,7 @@ impl Power {
             space,
             mean,
             kept,
+            told: Vec::new(),
             n_told,
             worst,
             factors,
@@ -282,6 +299,9 @@ impl Power {
     }
 
     fn keep(&mut self, trial: &Trial) {
+        if self.config.noise > 0.0 {
+            return self.keep_noisy(trial);
+        }
         let place = self.kept.partition_point(|other| by_reward(other, trial) == Ordering::Less);
         self.kept.insert(place, trial.clone());
         let PowerConfig { n_elites, memory, .. } = self.config;

@@ -39,6 +39,10 @@ fn run(name: &str, errors: Option<f64>, seed: u64) -> Result<Vec<Sample>> {
     let mut config = Config::default();
     config.learner.seed = seed;
     let people = PeopleConfig { weight: 1.0, ..PeopleConfig::default() };
+    if errors.is_some() {
+        // As a configuration with this weight has it.
+        config.learner.search.power.noise = people.noise();
+    }
     let bench = Bench::new(config, false)?;
     let (mut plant, mut succeeded) = (bench.plant(&bench.world), Vec::new());
     let (mut executed, _) = learn_by(&bench, |problem, rollout, theta| {

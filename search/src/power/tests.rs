@@ -35,6 +35,7 @@ fn plain() -> PowerConfig {
         weights: Weights::Reward,
         scatter: Scatter::Old,
         memory: 0,
+        noise: 0.0,
         mean_every: 0,
         candidates: 1,
         success_rate: 0.0,
