@@ -12,6 +12,7 @@
 //! | [`regression`] | a mixture | Eq. (2): position or velocity over time, velocity over position |
 //! | [`dmp`], [`dmpbbo`] | recordings, or a file | Eq. (3), and its attractors, Eq. (4) |
 //! | [`attractors`], [`variability`] | recordings | Eq. (5), stiff where they agree |
+//! | [`stable`] | recordings that share their end | Eq. (2) that ends there from everywhere, with proof |
 //! | [`sphere`] | orientations | means, mixtures, turns of any size |
 //! | [`metrics`] | two paths | how far apart they are |
 //!
@@ -60,6 +61,7 @@ pub mod mixture;
 pub mod recording;
 pub mod regression;
 pub mod sphere;
+pub mod stable;
 pub mod systems;
 pub mod variability;
 
