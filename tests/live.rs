@@ -187,7 +187,9 @@ fn a_swap_while_one_is_under_way_is_refused() {
     assert_eq!(reply.accepted, 0);
     assert!(reply.reason_text().contains("policy 2 is under way"), "{}", reply.reason_text());
     eventually("the blend to end", || {
-        let back = Command { id: live.command(0).id, ..back };
+        // Field by field: a struct update in a closure trips the compiler over the array in it.
+        let mut back = back;
+        back.id = live.command(0).id;
         (tool.request(&back, util::WATCHDOG).unwrap().accepted == 1).then_some(())
     });
 }
