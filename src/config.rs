@@ -180,6 +180,7 @@ fn parse(text: &str, of: Defaults) -> Result<Config, toml::de::Error> {
     // First as it is: toml then names line and field, and lists the fields it knows.
     let given: Config = toml::from_str(text)?;
     let mut defaults = of(&given.task.name, given.task.options);
+    defaults.learner = defaults.learner.encoded(given.learner.encoding);
     if let Some(judge) = &given.task.judge {
         // A reward of one's own says itself what compliance is worth, if anything.
         defaults.learner.compliance = ComplianceConfig::off();
