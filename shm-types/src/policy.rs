@@ -1,9 +1,17 @@
-//! The policy message: physical parameters {μᵢ, Kᵢ, κᵛ, activations} of Eq. (5), or an action vector
-//! for a task without arm, and the rollout that asks for them to be executed once.
+//! The policy message: the springs {μᵢ, Kᵢ, κᵛ, activations} of Eq. (5), the linear systems of Eq. (2)
+//! whole, or an action vector for a task without arm, and the rollout that asks for them to be executed
+//! once.
+
+mod component;
+mod system;
+mod validate;
 
 #[cfg(feature = "transport")]
 use iceoryx2::prelude::ZeroCopySend;
-use thiserror::Error;
+
+pub use component::Component;
+pub use system::LinearSystem;
+pub use validate::{FOLLOWING_MAX, FOLLOWING_MIN, PolicyMsgError};
 
 use crate::{Digest, MAX_ACTIONS, MAX_COMPONENTS, PACKED, SCHEMA, TASK_DIM};
 
@@ -11,31 +19,26 @@ use crate::{Digest, MAX_ACTIONS, MAX_COMPONENTS, PACKED, SCHEMA, TASK_DIM};
 pub const ACTIVATION_TIME: u32 = 0;
 /// `activation` when hᵢ is driven by s = exp(−decay_rate·t), the canonical system of Eq. (3).
 pub const ACTIVATION_DECAY: u32 = 1;
+/// `activation` when hᵢ is driven by the learnt coordinates x; of systems only.
+pub const ACTIVATION_STATE: u32 = 2;
+
+/// `output` when ξᵒ = ẍ, as of springs.
+pub const OUTPUT_ACCELERATION: u32 = 0;
+/// `output` when ξᵒ = ẋ, which the loop follows by ẍ = λ(ξᵒ − ẋ); of systems only.
+pub const OUTPUT_VELOCITY: u32 = 1;
+
+/// `orientation` when a rotation vector is taken for three more coordinates: errors are differences.
+pub const ORIENTATION_VECTOR: u32 = 0;
+/// `orientation` when errors are rotations, the shortest way in the world frame: a full turn is followed.
+pub const ORIENTATION_SPHERE: u32 = 1;
 
 /// Entries of an action that are always part of the digest.
 const DIGESTED_ACTIONS: usize = 8;
-/// Largest entry of an action, in the units of its world.
-const ACTION_MAX: f64 = 1e6;
-
-message! {
-    /// One virtual spring of Eq. (5).
-    pub struct Component as "skillet/Component/1" {
-        /// Centre of the activation: seconds, or s ∈ (0, 1] when driven by decay.
-        pub center: f64,
-        /// Standard deviation of the activation, in the unit of `center`.
-        pub width: f64,
-        /// μᵢ: x, y, z, pitch, roll, yaw in m and rad, world frame. Coordinates from `task_dim` on
-        /// are not learnt; they are the reference of the orientation controller.
-        pub attractor: [f64; TASK_DIM],
-        /// Kᵢ: packed lower triangle by rows of the leading `task_dim`×`task_dim` block, s⁻².
-        pub stiffness: [f64; PACKED],
-    }
-}
 
 message! {
     /// A policy and the rollout it is meant for. `digest` guards the physical parameters and is
     /// echoed by the episode, so that a reward never reaches a θ it does not belong to.
-    pub struct PolicyMsg as "skillet/Policy/3" {
+    pub struct PolicyMsg as "skillet/Policy/4" {
         pub schema: u64,
         pub digest: u64,
         /// Session that asks; an episode carries it back.
@@ -47,9 +50,9 @@ message! {
         /// Learnt coordinates: 3 (position), 4 (and pitch) or 6 (and roll, yaw).
         pub task_dim: u32,
         pub n_components: u32,
-        /// [`ACTIVATION_TIME`] or [`ACTIVATION_DECAY`].
+        /// [`ACTIVATION_TIME`], [`ACTIVATION_DECAY`] or, of systems, [`ACTIVATION_STATE`].
         pub activation: u32,
-        /// Entries of `action` in use. Either there are components, or there are actions.
+        /// Entries of `action` in use. A policy has components, or actions, or systems.
         pub n_actions: u32,
         /// Length of the Execute phase, s.
         pub duration_s: f64,
@@ -65,6 +68,22 @@ message! {
         /// The whole policy of a task without arm (Sec. 4.2), in the units of its world.
         pub action: [f64; MAX_ACTIONS],
         pub components: [Component; MAX_COMPONENTS],
+        /// Entries of `systems` in use.
+        pub n_systems: u32,
+        /// [`OUTPUT_ACCELERATION`] or, of systems, [`OUTPUT_VELOCITY`].
+        pub output: u32,
+        /// [`ORIENTATION_VECTOR`] or [`ORIENTATION_SPHERE`].
+        pub orientation: u32,
+        pub reserved: u32,
+        /// λ, s⁻¹: how fast the loop follows an `output` of velocity.
+        pub following: f64,
+        /// x*, m and rad: where a field of the state comes to rest. Coordinates from `task_dim` on are
+        /// the reference of the orientation controller, as of the attractors of springs.
+        pub target: [f64; TASK_DIM],
+        /// P of V = (x − x*)ᵀ P (x − x*), which falls along a field of the state: packed lower triangle
+        /// by rows of the leading `task_dim`×`task_dim` block.
+        pub certificate: [f64; PACKED],
+        pub systems: [LinearSystem; MAX_COMPONENTS],
     }
 }
 
@@ -78,36 +97,6 @@ message! {
         /// 0 when it names none.
         pub digest: u64,
     }
-}
-
-/// Why a policy message was refused.
-#[derive(Debug, Error, PartialEq)]
-pub enum PolicyMsgError {
-    #[error(
-        "schema {found:#x} instead of {SCHEMA:#x}: learner and controller are different builds; restart both from one"
-    )]
-    Schema { found: u64 },
-    #[error(
-        "digest does not match the parameters: the message is torn or was changed after sealing; send it again"
-    )]
-    Digest,
-    #[error("task_dim is {0}: use 3 (position), 4 (and pitch) or 6 (and roll, yaw)")]
-    TaskDim(u32),
-    #[error("n_components is {0}: use 1 to {MAX_COMPONENTS}")]
-    Components(u32),
-    #[error(
-        "n_actions is {actions} beside {components} components: use components, or 1 to \
-         {MAX_ACTIONS} actions"
-    )]
-    Actions { actions: u32, components: u32 },
-    #[error("activation is {0}: use {ACTIVATION_TIME} (time) or {ACTIVATION_DECAY} (decay)")]
-    Activation(u32),
-    #[error("{field} is {value}: it must be finite and within {min}..={max}")]
-    Range { field: &'static str, value: f64, min: f64, max: f64 },
-    #[error(
-        "component {component}: {field} is {value}: it must be finite and within {min}..={max}"
-    )]
-    ComponentRange { component: usize, field: &'static str, value: f64, min: f64, max: f64 },
 }
 
 impl PolicyName {
@@ -126,16 +115,6 @@ impl PolicyName {
                 format!("{policy_id} of session {session:016x}")
             }
         }
-    }
-}
-
-impl Component {
-    pub const ZERO: Component =
-        Component { center: 0.0, width: 1.0, attractor: [0.0; TASK_DIM], stiffness: [0.0; PACKED] };
-
-    /// Entry (row, column) of the symmetric Kᵢ.
-    pub fn stiffness_at(&self, row: usize, column: usize) -> f64 {
-        self.stiffness[packed_index(row, column)]
     }
 }
 
@@ -165,6 +144,14 @@ impl PolicyMsg {
         orientation_damping: 0.0,
         action: [0.0; MAX_ACTIONS],
         components: [Component::ZERO; MAX_COMPONENTS],
+        n_systems: 0,
+        output: OUTPUT_ACCELERATION,
+        orientation: ORIENTATION_VECTOR,
+        reserved: 0,
+        following: 0.0,
+        target: [0.0; TASK_DIM],
+        certificate: [0.0; PACKED],
+        systems: [LinearSystem::ZERO; MAX_COMPONENTS],
     };
 
     /// The unsealed policy of a task without arm. Precondition: at most [`MAX_ACTIONS`] entries.
@@ -191,6 +178,14 @@ impl PolicyMsg {
 
     /// Hash of the physical parameters (not of who asks for them).
     pub fn compute_digest(&self) -> u64 {
+        match self.n_systems {
+            0 => self.digest_springs().finish(),
+            _ => self.digest_systems().finish(),
+        }
+    }
+
+    /// Of springs or an action.
+    fn digest_springs(&self) -> Digest {
         let mut digest = Digest::new()
             .u64(u64::from(self.task_dim))
             .u64(u64::from(self.n_components))
@@ -212,10 +207,45 @@ impl PolicyMsg {
             }
         }
         // The same for what came later still.
-        if self.damping_ratio != 0.0 {
+        let is_sphere = self.orientation != ORIENTATION_VECTOR;
+        if self.damping_ratio != 0.0 || is_sphere {
             digest = digest.f64(self.damping_ratio);
         }
-        digest.finish()
+        if is_sphere {
+            digest = digest.u64(u64::from(self.orientation));
+        }
+        digest
+    }
+
+    /// Of systems: everything that is in use, and nothing else.
+    fn digest_systems(&self) -> Digest {
+        let d = self.learnt();
+        let mut digest = Digest::new()
+            .bytes(b"systems")
+            .u64(u64::from(self.task_dim))
+            .u64(u64::from(self.n_systems))
+            .u64(u64::from(self.activation))
+            .u64(u64::from(self.output))
+            .u64(u64::from(self.orientation))
+            .u64(u64::from(self.n_components))
+            .u64(u64::from(self.n_actions));
+        let certificate = &self.certificate[..d * (d + 1) / 2];
+        for value in [
+            self.duration_s,
+            self.decay_rate,
+            self.orientation_stiffness,
+            self.orientation_damping,
+            self.following,
+        ]
+        .iter()
+        .chain(&self.target)
+        .chain(certificate)
+        {
+            digest = digest.f64(*value);
+        }
+        self.systems()
+            .iter()
+            .fold(digest, |digest, system| system.digest(digest, d, self.drive_dim()))
     }
 
     /// Sets schema and digest; call last, before sending.
@@ -225,93 +255,34 @@ impl PolicyMsg {
         self
     }
 
-    /// The components in use. Call only on a validated message.
+    /// The components in use; empty when the policy is not one of springs.
     pub fn components(&self) -> &[Component] {
         &self.components[..(self.n_components as usize).min(MAX_COMPONENTS)]
     }
 
-    /// The actions in use; empty when the policy is one of springs.
+    /// The actions in use; empty when the policy drives an arm.
     pub fn actions(&self) -> &[f64] {
         &self.action[..(self.n_actions as usize).min(MAX_ACTIONS)]
     }
 
-    /// Structure, finiteness and coarse bounds. Positive definiteness and the arm's own bounds are
-    /// the controller's admission check.
-    pub fn validate(&self) -> Result<(), PolicyMsgError> {
-        if self.schema != SCHEMA {
-            return Err(PolicyMsgError::Schema { found: self.schema });
-        }
-        if self.n_actions > 0 {
-            self.validate_actions()?;
-        } else {
-            self.validate_shape()?;
-        }
-        if self.digest != self.compute_digest() {
-            return Err(PolicyMsgError::Digest);
-        }
-        let decay_min = if self.activation == ACTIVATION_DECAY { 1e-3 } else { 0.0 };
-        for (field, value, min, max) in [
-            ("duration_s", self.duration_s, 0.05, 30.0),
-            ("decay_rate", self.decay_rate, decay_min, 1e3),
-            ("damping", self.damping, 0.0, 1e3),
-            ("damping_ratio", self.damping_ratio, 0.0, 10.0),
-            ("orientation_stiffness", self.orientation_stiffness, 0.0, 1e5),
-            ("orientation_damping", self.orientation_damping, 0.0, 1e3),
-        ] {
-            if !(min..=max).contains(&value) {
-                return Err(PolicyMsgError::Range { field, value, min, max });
-            }
-        }
-        for (i, component) in self.components().iter().enumerate() {
-            component.validate(i)?;
-        }
-        Ok(())
+    /// The systems in use; empty when the policy is one of springs or an action.
+    pub fn systems(&self) -> &[LinearSystem] {
+        &self.systems[..(self.n_systems as usize).min(MAX_COMPONENTS)]
     }
 
-    fn validate_shape(&self) -> Result<(), PolicyMsgError> {
-        if !matches!(self.task_dim, 3 | 4 | 6) {
-            return Err(PolicyMsgError::TaskDim(self.task_dim));
-        }
-        if self.n_components == 0 || self.n_components as usize > MAX_COMPONENTS {
-            return Err(PolicyMsgError::Components(self.n_components));
-        }
-        if self.activation > ACTIVATION_DECAY {
-            return Err(PolicyMsgError::Activation(self.activation));
-        }
-        Ok(())
+    /// Entry (row, column) of the symmetric P.
+    pub fn certificate_at(&self, row: usize, column: usize) -> f64 {
+        self.certificate[packed_index(row, column)]
     }
 
-    fn validate_actions(&self) -> Result<(), PolicyMsgError> {
-        if self.n_actions as usize > MAX_ACTIONS || self.n_components > 0 {
-            let (actions, components) = (self.n_actions, self.n_components);
-            return Err(PolicyMsgError::Actions { actions, components });
-        }
-        let (field, min, max) = ("action", -ACTION_MAX, ACTION_MAX);
-        match self.actions().iter().find(|value| !(min..=max).contains(*value)) {
-            Some(&value) => Err(PolicyMsgError::Range { field, value, min, max }),
-            None => Ok(()),
-        }
+    /// Dimension of ξʷ, which drives the activations of systems: the learnt coordinates, or 1.
+    pub fn drive_dim(&self) -> usize {
+        if self.activation == ACTIVATION_STATE { self.learnt() } else { 1 }
     }
-}
 
-impl Component {
-    fn validate(&self, component: usize) -> Result<(), PolicyMsgError> {
-        let check = |field, value: f64, min: f64, max: f64| {
-            if (min..=max).contains(&value) {
-                Ok(())
-            } else {
-                Err(PolicyMsgError::ComponentRange { component, field, value, min, max })
-            }
-        };
-        check("center", self.center, -30.0, 60.0)?;
-        check("width", self.width, 1e-4, 30.0)?;
-        for value in self.attractor {
-            check("attractor", value, -100.0, 100.0)?;
-        }
-        for value in self.stiffness {
-            check("stiffness", value, -1e6, 1e6)?;
-        }
-        Ok(())
+    /// `task_dim`, of a message that is not validated too.
+    fn learnt(&self) -> usize {
+        (self.task_dim as usize).min(TASK_DIM)
     }
 }
 

@@ -45,6 +45,7 @@ impl Default for Digest {
 /// Hash of every message layout; carried in each message and as an attribute of each service.
 pub const SCHEMA: u64 = Digest::new()
     .bytes(policy::Component::LAYOUT.as_bytes())
+    .bytes(policy::LinearSystem::LAYOUT.as_bytes())
     .bytes(policy::PolicyMsg::LAYOUT.as_bytes())
     .bytes(policy::PolicyName::LAYOUT.as_bytes())
     .bytes(episode::TickRecord::LAYOUT.as_bytes())
