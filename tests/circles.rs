@@ -19,7 +19,8 @@ const HARMLESS: [&[&str]; 2] = [
     &["shm-types/src/cell.rs", "shm-types/src/generation.rs"],
     &["shm-types/src/observer.rs", "shm-types/src/ports.rs", "shm-types/src/tool.rs"],
 ];
-const CRATES: [&str; 6] = ["", "shm-types/", "physics/", "search/", "learner/", "rt-controller/"];
+const CRATES: [&str; 7] =
+    ["", "shm-types/", "physics/", "search/", "imitation/", "learner/", "rt-controller/"];
 
 type Module = Vec<String>;
 

@@ -73,11 +73,23 @@ fn the_function_check_can_fail() {
 /// Dependencies point one way; see ARCHITECTURE.md.
 #[test]
 fn crates_know_only_what_they_may() {
-    let forbidden: [(&str, &[&str]); 6] = [
+    let forbidden: [(&str, &[&str]); 7] = [
         ("shm-types", &["physics", "rt-controller", "search", "learner", "nalgebra", "rapier3d"]),
         ("physics", &["shm-types", "rt-controller", "search", "learner", "iceoryx2"]),
         (
             "search",
+            &[
+                "shm-types",
+                "physics",
+                "rt-controller",
+                "learner",
+                "rapier3d",
+                "iceoryx2",
+                "rusqlite",
+            ],
+        ),
+        (
+            "imitation",
             &[
                 "shm-types",
                 "physics",

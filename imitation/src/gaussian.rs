@@ -28,6 +28,19 @@ impl Gaussian {
         self.cholesky.l_dirty().solve_lower_triangular_mut(&mut white);
         self.log_normaliser - 0.5 * white.norm_squared()
     }
+
+    /// log 𝒩(x | μ, Σ) of every column of `points` (d×N).
+    pub fn log_densities(&self, points: &DMatrix<f64>) -> Vec<f64> {
+        let mut white = points.clone();
+        white.column_iter_mut().for_each(|mut x| x -= &self.mean);
+        self.cholesky.l_dirty().solve_lower_triangular_mut(&mut white);
+        white.column_iter().map(|x| self.log_normaliser - 0.5 * x.norm_squared()).collect()
+    }
+
+    /// tr Σ⁻¹.
+    pub fn precision_trace(&self) -> f64 {
+        self.cholesky.inverse().trace()
+    }
 }
 
 /// log Σ exp(xᵢ) without overflow; −∞ of nothing.
@@ -58,6 +71,8 @@ mod tests {
         let expected = -TAU.ln() - 0.5 * 8_f64.ln() - 0.5 * 11.0 / 8.0;
         let found = gaussian.log_density(&DVector::from_vec(vec![2.0, 1.0]));
         assert!((found - expected).abs() < 1e-14, "{found} instead of {expected}");
+        assert_eq!(gaussian.log_densities(&DMatrix::from_vec(2, 1, vec![2.0, 1.0])), [found]);
+        assert!((gaussian.precision_trace() - 7.0 / 8.0).abs() < 1e-14);
     }
 
     #[test]

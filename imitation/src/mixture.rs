@@ -112,7 +112,8 @@ pub(crate) fn check(
         return Err(MixtureError::Counts { k, means, covariances });
     }
     let sum: f64 = priors.iter().sum();
-    if !priors.iter().all(|prior| *prior >= 0.0) || !((sum - 1.0).abs() <= TOLERANCE) {
+    let are_priors = priors.iter().all(|prior| *prior >= 0.0) && (sum - 1.0).abs() <= TOLERANCE;
+    if !are_priors {
         return Err(MixtureError::Priors(priors.to_vec()));
     }
     let d = means[0].len();
