@@ -3,9 +3,11 @@
 use learner::activation::policy_activations;
 use learner::initial_policy::{InitialPolicyConfig, initial_policy};
 use learner::{Demonstration, activation::Activation, parameters, reward};
+use nalgebra::Vector6;
 use physics::pancake::outcome::OutcomeConfig;
 use rt_controller::admit::admission;
 use rt_controller::hot::policy::Policy;
+use rt_controller::hot::task_space::TaskState;
 
 /// hᵢ, by which the learner fits attractors and the controller mixes them.
 #[test]
@@ -16,10 +18,12 @@ fn activations_are_the_same_on_both_sides() {
         let config = InitialPolicyConfig { activation, ..Default::default() };
         let message = initial_policy(&demonstration, &config);
         let policy = Policy::new(&message);
+        // Time drives them, wherever the tip is.
+        let anywhere = TaskState::at(Vector6::zeros(), Vector6::zeros());
         for tick in 0..2000 {
             let t_s = f64::from(tick) * 1e-3;
             let ours = policy_activations(&message, t_s);
-            let theirs = policy.activations(t_s);
+            let theirs = policy.activations(t_s, &anywhere);
             for (i, h) in ours.iter().enumerate() {
                 assert!((h - theirs[i]).abs() < 1e-12, "{activation:?}, h{i} at {t_s} s");
             }

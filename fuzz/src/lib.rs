@@ -11,7 +11,7 @@ use physics::arm::ArmModel;
 use search::Method;
 use shm_types::episode::{EpisodeHeader, TickRecord};
 use shm_types::measures::{Measure, Measures};
-use shm_types::policy::{PolicyMsg, packed_index};
+use shm_types::policy::{ACTIVATION_STATE, OUTPUT_VELOCITY, PolicyMsg, packed_index};
 use tempfile::TempDir;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
@@ -84,6 +84,28 @@ pub fn springs() -> PolicyMsg {
         component.width = 0.03;
         component.attractor = [0.78, 0.0, 0.7, 0.1, 0.0, 0.0];
         (0..4).for_each(|row| component.stiffness[packed_index(row, row)] = 200.0);
+    }
+    policy.sealed()
+}
+
+/// Three systems of the state that lead to a target beside the start posture's pan: admitted.
+pub fn field() -> PolicyMsg {
+    let mut policy = PolicyMsg { task_dim: 6, n_systems: 3, ..PolicyMsg::EMPTY };
+    (policy.activation, policy.output, policy.following) =
+        (ACTIVATION_STATE, OUTPUT_VELOCITY, 50.0);
+    policy.duration_s = 0.1;
+    policy.orientation_stiffness = 400.0;
+    policy.orientation_damping = 40.0;
+    policy.target = [0.76, 0.02, 0.74, 0.1, 0.0, 0.0];
+    (0..6).for_each(|i| policy.certificate[packed_index(i, i)] = 1.0);
+    for (k, system) in policy.systems.iter_mut().take(3).enumerate() {
+        system.center = [0.78, 0.01 * k as f64, 0.72, 0.0, 0.0, 0.0];
+        for i in 0..6 {
+            let rate = 2.0 + k as f64;
+            system.covariance[packed_index(i, i)] = 0.01;
+            system.of_position[7 * i] = -rate;
+            system.offset[i] = rate * policy.target[i];
+        }
     }
     policy.sealed()
 }

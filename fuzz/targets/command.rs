@@ -11,7 +11,7 @@ use rt_controller::admit::admission::admit;
 use rt_controller::fuzzing::dry_run;
 use shm_types::SCHEMA;
 use shm_types::command::{COMMAND_IMPORT, Command};
-use skillet_fuzz::{patched, split, springs, wam};
+use skillet_fuzz::{field, patched, split, springs, wam};
 
 /// A longer dry run costs more than it tells.
 const LONGEST_S: f64 = 0.15;
@@ -20,7 +20,8 @@ static ARM: LazyLock<ArmModel> = LazyLock::new(wam);
 
 fuzz_target!(|data: &[u8]| {
     let (mode, changes) = split(data);
-    let base = Command { policy: springs(), ..Command::new(COMMAND_IMPORT, 1) };
+    let policy = if mode & 2 == 0 { springs() } else { field() };
+    let base = Command { policy, ..Command::new(COMMAND_IMPORT, 1) };
     let mut command = patched(&base, changes);
     if mode & 1 == 0 {
         command.schema = SCHEMA;

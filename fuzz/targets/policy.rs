@@ -17,7 +17,7 @@ use rt_controller::hot::tick::Controller;
 use shm_types::episode::TickRecord;
 use shm_types::policy::PolicyMsg;
 use shm_types::policy_json::{from_json, to_json};
-use skillet_fuzz::{patched, split, springs, wam};
+use skillet_fuzz::{field, patched, split, springs, wam};
 
 /// Number of the first measurement the fuzzer chooses.
 const DRIVEN: u64 = 100_000;
@@ -77,7 +77,11 @@ fn drive(policy: &Policy, states: &[u8]) {
 fuzz_target!(|data: &[u8]| {
     let (mode, rest) = split(data);
     let (states, changes) = rest.split_at(rest.len().min(usize::from(mode >> 3) * 14));
-    let base = if mode & 1 == 0 { springs() } else { PolicyMsg::of_action(&[1.0, 2.0]).sealed() };
+    let base = match mode & 5 {
+        0 => springs(),
+        4 => field(),
+        _ => PolicyMsg::of_action(&[1.0, 2.0]).sealed(),
+    };
     let mut policy = patched(&base, changes);
     if mode & 2 == 0 {
         policy = policy.sealed();

@@ -24,7 +24,7 @@ use rt_controller::hot::policy::Policy;
 use rt_controller::hot::rollout::Phase;
 use rt_controller::hot::tick::{Controller, Fault};
 use shm_types::episode::TickRecord;
-use shm_types::policy::PolicyMsgError;
+use shm_types::policy::{ACTIVATION_STATE, PolicyMsgError};
 
 /// Rounding: of eigenvalues in s⁻², of everything else as a share.
 const SLACK: f64 = 1e-8;
@@ -51,11 +51,23 @@ fn reason(error: &AdmissionError) -> &'static str {
                 "attractor" => "attractor entry",
                 other => other,
             },
-            PolicyMsgError::SystemRange { field, .. } => field,
+            PolicyMsgError::SystemRange { field, .. } => match *field {
+                "covariance" => "covariance entry",
+                other => other,
+            },
         },
         AdmissionError::Stiffness { .. } => "stiffness eigenvalue",
         AdmissionError::Damper { .. } => "damper too strong",
         AdmissionError::Attractor { .. } => "attractor too far",
+        AdmissionError::Target { .. } => "target too far",
+        AdmissionError::Covariance { .. } => "covariance eigenvalue",
+        AdmissionError::Gain { .. } => "gain of a system",
+        AdmissionError::Unused { field, .. } => field,
+        AdmissionError::StateOfAcceleration => "acceleration driven by the state",
+        AdmissionError::Certificate { .. } => "certificate eigenvalue",
+        AdmissionError::Contraction { .. } => "contraction",
+        AdmissionError::Rest { .. } => "rest at the target",
+        AdmissionError::Following { .. } => "following too slow",
         AdmissionError::Duration { .. } => "too long for an episode",
         AdmissionError::Actions { .. } => "actions for an arm",
         AdmissionError::DryRunFault { .. } | AdmissionError::DryRunTorque { .. } => "dry run",
@@ -157,7 +169,7 @@ fn no_policy_passes_a_bound_or_makes_a_torque_that_does() {
     let mut driver = Driver::new(&model, &config);
     let mut rng = ChaCha8Rng::seed_from_u64(0x5eed);
     let mut verdicts: BTreeMap<&str, u64> = BTreeMap::new();
-    let (mut accepted, mut rollouts) = (0, 0);
+    let (mut accepted, mut rollouts, mut fields) = (0, 0, 0);
     for n in 0..sent {
         let (kind, message) = hostile_policy(&mut rng, &arm);
         let admitted = admit(&message, &model, &config);
@@ -171,6 +183,7 @@ fn no_policy_passes_a_bound_or_makes_a_torque_that_does() {
                     rollouts += 1;
                 }
                 accepted += 1;
+                fields += u64::from(message.activation == ACTIVATION_STATE);
                 "accepted"
             }
             Err(error) => {
@@ -188,7 +201,7 @@ fn no_policy_passes_a_bound_or_makes_a_torque_that_does() {
         println!("{count:>9} {verdict}");
     }
     // The test is worth something only if every door was tried, and the open one often.
-    assert!(accepted * 10 > sent, "{accepted} accepted");
+    assert!(accepted * 10 > sent && fields * 100 > sent, "{accepted} accepted, {fields} fields");
     assert!(driver.held * 10 < driver.ticks * 9, "{} of {} held", driver.held, driver.ticks);
     for door in [
         "digest",
@@ -198,6 +211,13 @@ fn no_policy_passes_a_bound_or_makes_a_torque_that_does() {
         "damping",
         "damping_ratio",
         "damper too strong",
+        "covariance eigenvalue",
+        "gain of a system",
+        "certificate eigenvalue",
+        "contraction",
+        "rest at the target",
+        "following too slow",
+        "acceleration driven by the state",
     ] {
         assert!(verdicts.contains_key(door), "nothing was refused for its {door}: {verdicts:?}");
     }

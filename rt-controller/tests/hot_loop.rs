@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use common::heap::{self, CountingAllocator};
 use common::service::Service;
-use common::{message, wam};
+use common::{field, message, wam};
 use physics::arm::JointVector;
 use physics::ideal::IdealArm;
 use physics::pancake::WAM7_START_POSTURE;
@@ -99,7 +99,7 @@ fn only_sleep() -> seccompiler::BpfProgram {
     SeccompFilter::new(rules, kill, pass, arch).unwrap().try_into().unwrap()
 }
 
-/// Runs a cell whose plant does `deed`, and swaps two policies in turn until `is_over`; returns the
+/// Runs a cell whose plant does `deed`, and swaps springs and a field of the state in turn until `is_over`; returns the
 /// controller's summary and the swaps acknowledged.
 fn run_cell(name: &str, pace: Pace, deed: Deed, is_over: impl Fn() -> bool) -> (RunSummary, u64) {
     let config = ControllerConfig { blend_s: 0.002, ..Default::default() };
@@ -107,7 +107,7 @@ fn run_cell(name: &str, pace: Pace, deed: Deed, is_over: impl Fn() -> bool) -> (
     let arm = IdealArm::new(&model, &WAM7_START_POSTURE, config.period_s(), 0.01);
     let service = Service { name, model: &model, config: &config, pace, state: None };
     service.run(&mut Spy { arm, deed, ticks: 0 }, |operator| {
-        let policies = [message(0.02, 200.0), message(-0.02, 250.0)].map(|p| operator.import(p));
+        let policies = [message(0.02, 200.0), field()].map(|p| operator.import(p));
         operator.activate(policies[0]);
         operator.ok(Command::new(COMMAND_PIN, 0));
         let swap =

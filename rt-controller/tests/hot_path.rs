@@ -15,7 +15,7 @@ use shm_types::episode::TickRecord;
 use shm_types::policy::{PolicyMsg, packed_index};
 
 use common::heap::{CountingAllocator, operations_of};
-use common::{controller, message, wam};
+use common::{controller, field, message, wam};
 
 #[global_allocator]
 static ALLOCATOR: CountingAllocator = CountingAllocator;
@@ -65,7 +65,8 @@ fn rollout(
 #[test]
 fn a_tick_does_not_touch_the_heap_in_100_000_ticks() {
     let mut bench = Bench::new();
-    let policies = [bench.admit(&message(0.05, 200.0)), bench.admit(&message(0.2, 800.0))];
+    let messages = [message(0.05, 200.0), field(), message(0.2, 800.0)];
+    let policies = messages.map(|message| bench.admit(&message));
     let mut controller = controller(&bench.model, &bench.config);
     let (mut ticks, mut operations, mut next) = (0, 0, 0);
     while ticks < 100_000 {
@@ -73,9 +74,12 @@ fn a_tick_does_not_touch_the_heap_in_100_000_ticks() {
             bench.plant.begin_reset();
             operations += operations_of(|| {
                 controller.enter_fresh_world();
-                controller.start(&policies[next % 2])
+                controller.start(&policies[next % 3])
             });
             next += 1;
+        } else if ticks % 400 == 399 {
+            // From one kind to the other while it acts.
+            operations += operations_of(|| controller.swap(&policies[ticks / 400 % 3]));
         }
         let measured = bench.plant.measure();
         let mut record = TickRecord::ZERO;
@@ -87,6 +91,7 @@ fn a_tick_does_not_touch_the_heap_in_100_000_ticks() {
         ticks += 1;
     }
     assert_eq!(operations, 0, "over {next} rollouts");
+    assert!(next > 20, "the policies end as they should: {next} rollouts");
 }
 
 #[test]

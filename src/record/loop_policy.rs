@@ -1,12 +1,15 @@
 //! The policy in the loop, as an observer evaluates it again.
 
+use nalgebra::Vector6;
 use rt_controller::hot::policy::Policy;
+use rt_controller::hot::task_space::TaskState;
+use shm_types::episode::TickRecord;
 use shm_types::policy::PolicyMsg;
 
 /// A policy as the loop evaluates it.
 pub struct LoopPolicy {
     pub digest: u64,
-    springs: Policy,
+    policy: Policy,
     message: PolicyMsg,
 }
 
@@ -14,11 +17,7 @@ impl LoopPolicy {
     /// `None` when the message is not one that a controller would admit.
     pub fn new(message: &PolicyMsg) -> Option<LoopPolicy> {
         message.validate().ok()?;
-        Some(LoopPolicy {
-            digest: message.digest,
-            springs: Policy::new(message),
-            message: *message,
-        })
+        Some(LoopPolicy { digest: message.digest, policy: Policy::new(message), message: *message })
     }
 
     pub fn task_dim(&self) -> usize {
@@ -29,10 +28,17 @@ impl LoopPolicy {
         &self.message
     }
 
-    /// hᵢ and Σ hᵢ Kᵢ, packed, at `t_s` since the start of Execute.
-    pub fn at(&self, t_s: f64) -> (Vec<f64>, Vec<f64>) {
+    /// hᵢ and Σ hᵢ Kᵢ, packed, in a tick of Execute or Settle; a policy of systems has no springs, and its
+    /// stiffness is empty.
+    pub fn at(&self, record: &TickRecord) -> (Vec<f64>, Vec<f64>) {
+        let vector = |values: &[f64; 6]| Vector6::from_column_slice(values);
+        let task = TaskState::at(vector(&record.x), vector(&record.xd));
         let components = self.message.components();
-        let h = self.springs.activations(t_s)[..components.len()].to_vec();
+        let n = components.len() + self.message.systems().len();
+        let h = self.policy.activations(record.t_s, &task)[..n].to_vec();
+        if components.is_empty() {
+            return (h, Vec::new());
+        }
         let d = self.task_dim();
         let mut stiffness = vec![0.0; d * (d + 1) / 2];
         for (h, component) in h.iter().zip(components) {

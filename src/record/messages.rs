@@ -42,11 +42,11 @@ recorded! {
         "6" [float, repeated] tau_n_m: Vec<f32>,
         /// Pose of the pan: x, y, z, pitch, roll, yaw, as many as are learnt.
         "7" [float, repeated] pose_m_rad: Vec<f32>,
-        /// Σ hᵢ μᵢ, of the same coordinates.
+        /// Σ hᵢ μᵢ of springs, or what the systems draw the pose to, of the same coordinates.
         "8" [float, repeated] attractor_m_rad: Vec<f32>,
         /// hᵢ of the policy in the loop.
         "9" [float, repeated] activations: Vec<f32>,
-        /// Σ hᵢ Kᵢ, packed lower triangle by rows of the learnt coordinates.
+        /// Σ hᵢ Kᵢ, packed lower triangle by rows of the learnt coordinates; none of systems.
         "10" [float, repeated] stiffness_per_s2: Vec<f32>,
         /// The pancake, not in every tick of a live recording; orientation as w, i, j, k.
         "11" [float, repeated] object_m: Vec<f32>,
@@ -79,6 +79,22 @@ recorded! {
 }
 
 recorded! {
+    /// One linear system of a policy: its Gaussian, and Aᵢ and bᵢ of Eq. (2).
+    pub struct System {
+        "1" [double] log_prior: f64,
+        /// Of what drives the activations: s, the decay's phase, or the learnt coordinates.
+        "2" [double, repeated] center: Vec<f64>,
+        /// Packed lower triangle by rows.
+        "3" [double, repeated] covariance: Vec<f64>,
+        /// Of the learnt coordinates, by rows.
+        "4" [double, repeated] of_position: Vec<f64>,
+        "5" [double, repeated] of_velocity: Vec<f64>,
+        "6" [double, repeated] of_drive: Vec<f64>,
+        "7" [double, repeated] offset: Vec<f64>,
+    }
+}
+
+recorded! {
     /// A policy that went into the loop.
     pub struct Policy {
         "1" [uint64] digest: u64,
@@ -94,6 +110,16 @@ recorded! {
         "10" [double, repeated] action: Vec<f64>,
         /// ζ: where it is not 0, spring i damps with 2ζ Kᵢ^½ instead.
         "11" [double] damping_ratio: f64,
+        "12" [message, repeated] systems: Vec<System>,
+        /// What drives the activations: 0 time, 1 decay, 2 the state.
+        "13" [uint32] activation: u32,
+        /// What systems yield: 0 accelerations, 1 velocities, which are followed at the rate below.
+        "14" [uint32] output: u32,
+        "15" [double] following_per_s: f64,
+        /// Errors of orientation: 0 differences of rotation vectors, 1 rotations.
+        "16" [uint32] orientation: u32,
+        /// Of systems: x, y, z, pitch, roll, yaw.
+        "17" [double, repeated] target_m_rad: Vec<f64>,
     }
 }
 
@@ -185,6 +211,7 @@ fn descriptors() -> Vec<DescriptorProto> {
     vec![
         Tick::descriptor(),
         Spring::descriptor(),
+        System::descriptor(),
         Policy::descriptor(),
         Outcome::descriptor(),
         Measure::descriptor(),
@@ -209,12 +236,12 @@ impl Tick {
         let is_timed = seen.tick_ns > 0;
         let timed = |time: u64| is_timed.then_some(u32::try_from(time).unwrap_or(u32::MAX));
         let n_learnt = policy.map_or(record.x.len(), LoopPolicy::task_dim);
-        let springs = policy.filter(|_| record.phase >= EXECUTE);
+        let acting = policy.filter(|_| record.phase >= EXECUTE);
         let of_object = |values: &[f64]| match with_object {
             true => rounded(values, POSE_BITS),
             false => Vec::new(),
         };
-        let (activations, stiffness) = springs.map_or_else(Default::default, |p| p.at(record.t_s));
+        let (activations, stiffness) = acting.map_or_else(Default::default, |p| p.at(record));
         Tick {
             tick: record.tick,
             phase: record.phase,

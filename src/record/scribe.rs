@@ -106,7 +106,7 @@ impl Scribe {
         if detail.springs {
             self.joints.log_with_time(&drawing.joint_states(&seen.record, at), at_ns);
             let stiffness = match policy {
-                Some(policy) if seen.record.phase >= 2 => policy.at(seen.record.t_s).1,
+                Some(policy) if seen.record.phase >= 2 => policy.at(&seen.record).1,
                 _ => Vec::new(),
             };
             let springs = drawing.springs(&seen.record, &stiffness, at);

@@ -5,9 +5,9 @@ use learner::summary::TrialReport;
 use shm_types::episode::EpisodeHeader;
 use shm_types::measures;
 use shm_types::news::{MeasuresNews, TRIAL_SET_ASIDE, TRIAL_SUCCESS, TrialNews};
-use shm_types::policy::PolicyMsg;
+use shm_types::policy::{LinearSystem, PolicyMsg};
 
-use super::messages::{Measure, Measures, Mixture, Mode, Outcome, Policy, Spring, Trial};
+use super::messages::{Measure, Measures, Mixture, Mode, Outcome, Policy, Spring, System, Trial};
 
 impl From<&PolicyMsg> for Policy {
     fn from(message: &PolicyMsg) -> Policy {
@@ -18,6 +18,8 @@ impl From<&PolicyMsg> for Policy {
             attractor_m_rad: component.attractor.to_vec(),
             stiffness_per_s2: component.stiffness[..d * (d + 1) / 2].to_vec(),
         });
+        let systems = message.systems().iter();
+        let target = if message.n_systems > 0 { message.target.to_vec() } else { Vec::new() };
         Policy {
             digest: message.digest,
             session: message.session,
@@ -30,6 +32,29 @@ impl From<&PolicyMsg> for Policy {
             springs: springs.collect(),
             action: message.action[..message.n_actions as usize].to_vec(),
             damping_ratio: message.damping_ratio,
+            systems: systems.map(|one| System::of(one, d, message.drive_dim())).collect(),
+            activation: message.activation,
+            output: message.output,
+            following_per_s: message.following,
+            orientation: message.orientation,
+            target_m_rad: target,
+        }
+    }
+}
+
+impl System {
+    /// Of `d` learnt coordinates and a drive of `drive_dim`.
+    fn of(system: &LinearSystem, d: usize, drive_dim: usize) -> System {
+        let block =
+            |entry: &dyn Fn(usize, usize) -> f64| (0..d * d).map(|k| entry(k / d, k % d)).collect();
+        System {
+            log_prior: system.log_prior,
+            center: system.center[..drive_dim].to_vec(),
+            covariance: system.covariance[..drive_dim * (drive_dim + 1) / 2].to_vec(),
+            of_position: block(&|row, column| system.of_position_at(row, column)),
+            of_velocity: block(&|row, column| system.of_velocity_at(row, column)),
+            of_drive: system.of_drive[..d].to_vec(),
+            offset: system.offset[..d].to_vec(),
         }
     }
 }

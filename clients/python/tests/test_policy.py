@@ -71,6 +71,60 @@ class Evaluating(unittest.TestCase):
         self.assertLess(np.abs(xd[-1]).max(), 0.1)
 
 
+def field_by_hand(fields, x, xd):
+    """Eq. (2) driven by the state, and the law that follows its velocity."""
+    weights, velocities = [], []
+    for system in fields["systems"]:
+        error, covariance = x[:3] - system["center"], np.array(system["covariance"])
+        weights.append(np.exp(system["log_prior"] - 0.5 * error @ np.linalg.solve(covariance, error))
+                       / np.sqrt(np.linalg.det(covariance)))
+        velocities.append(np.array(system["of_position"]) @ x[:3] + system["offset"])
+    h = np.array(weights) / np.sum(weights)
+    velocity = h @ np.array(velocities)
+    rest = 400.0 * (np.array(fields["target"]) - x) - 40.0 * xd
+    return np.concatenate([fields["following"] * (velocity - xd[:3]), rest[3:]]), h, velocity
+
+
+class Systems(unittest.TestCase):
+    def setUp(self):
+        rng = np.random.default_rng(3)
+        target = np.array([0.5, 0.1, 0.8, 0.1, 0.0, 0.2])
+        systems = []
+        for i in range(3):
+            turn, root = rng.normal(size=(3, 3)), 0.1 * rng.normal(size=(3, 3))
+            A = -2.0 * np.eye(3) + turn - turn.T
+            covariance = root @ root.T + 0.01 * np.eye(3)
+            systems.append({"log_prior": -0.2 * i, "center": (0.2 * rng.normal(size=3)).tolist(),
+                            "covariance": ((covariance + covariance.T) / 2).tolist(), "of_position": A.tolist(),
+                            "offset": (-A @ target[:3]).tolist()})
+        self.fields = {"task_dim": 3, "activation": "state", "output": "velocity", "duration_s": 1.0, "following": 50.0,
+                       "orientation_stiffness": 400.0, "orientation_damping": 40.0, "target": target.tolist(),
+                       "certificate": np.eye(3).tolist(), "systems": systems}
+        self.policy = skillet.Policy.from_json(json.dumps(self.fields))
+
+    def test_equation_2(self):
+        rng = np.random.default_rng(4)
+        for _ in range(5):
+            x, xd = 0.3 * rng.normal(size=6), rng.normal(size=6)
+            found = self.policy.evaluate(0.3, x, xd)
+            acceleration, h, velocity = field_by_hand(self.fields, x, xd)
+            np.testing.assert_allclose(found.acceleration, acceleration, rtol=1e-9, atol=1e-9)
+            np.testing.assert_allclose(found.activations, h, rtol=1e-9, atol=1e-12)
+            np.testing.assert_allclose(found.attractor[:3], x[:3] + velocity / 50.0, rtol=1e-9)
+            A = np.einsum("i,ijk->jk", h, [system["of_position"] for system in self.fields["systems"]])
+            np.testing.assert_allclose(found.stiffness[:3, :3], -50.0 * A, rtol=1e-9, atol=1e-9)
+
+    def test_files_come_back_bit_for_bit_and_springs_are_not_looked_for(self):
+        self.assertTrue(self.policy.is_systems and "3 systems" in repr(self.policy))
+        again = skillet.Policy.from_toml(self.policy.to_toml())
+        self.assertEqual((again, again.fields), (self.policy, self.policy.fields))
+        with self.assertRaisesRegex(ValueError, "no springs"):
+            self.policy.attractors
+        self.fields["systems"][1]["covariance"][0][0] = -1.0
+        with self.assertRaisesRegex(ValueError, "system 1: covariance must be positive definite"):
+            skillet.Policy.from_json(json.dumps(self.fields))
+
+
 class Files(unittest.TestCase):
     def test_each_format_comes_back_bit_for_bit(self):
         found = policy(damping_ratio=0.7)

@@ -1,10 +1,13 @@
 //! Admission: what a policy must satisfy before it may drive the arm.
 
-use nalgebra::DMatrix;
+mod springs;
+mod systems;
+
+use nalgebra::Vector3;
 use physics::arm::ArmModel;
-use shm_types::MAX_ACTIONS;
 use shm_types::episode::MAX_RECORDS;
 use shm_types::policy::{PolicyMsg, PolicyMsgError};
+use shm_types::{MAX_ACTIONS, TASK_DIM};
 use thiserror::Error;
 
 use crate::config::ControllerConfig;
@@ -15,7 +18,19 @@ use crate::hot::policy::Policy;
 pub const STIFFNESS_MIN: f64 = 1e-3;
 pub const STIFFNESS_MAX: f64 = 5e4;
 /// Strongest damper of a spring, s⁻¹: what a policy's κᵛ may be too.
-const DAMPER_MAX: f64 = 1e3;
+pub const DAMPER_MAX: f64 = 1e3;
+/// Bounds of the eigenvalues of Σᵢ, in units of ξʷ squared: 10⁻⁴ to 100 of standard deviation.
+pub const COVARIANCE_MIN: f64 = 1e-8;
+pub const COVARIANCE_MAX: f64 = 1e4;
+/// Bounds of the eigenvalues of P, whose scale means nothing: at most 10⁶ apart, the checks keep their
+/// digits.
+pub const CERTIFICATE_MIN: f64 = 1e-3;
+pub const CERTIFICATE_MAX: f64 = 1e3;
+/// Every system of a field of the state must contract at least so fast in the norm of P, s⁻¹:
+/// ½ (P Aᵢ + Aᵢᵀ P) ≼ −c P.
+pub const CONTRACTION_MIN: f64 = 1e-3;
+/// What a system may leave at the target, m/s or rad/s: rounding.
+pub const REST_MAX: f64 = 1e-6;
 
 /// Why a policy was not admitted.
 #[derive(Debug, Error, PartialEq)]
@@ -35,6 +50,42 @@ pub enum AdmissionError {
     )]
     Attractor { component: usize, x: f64, y: f64, z: f64, distance: f64, limit: f64 },
     #[error(
+        "target ({x:.2}, {y:.2}, {z:.2}) m is {distance:.2} m from the shoulder; targets farther than {limit:.2} m are refused"
+    )]
+    Target { x: f64, y: f64, z: f64, distance: f64, limit: f64 },
+    #[error(
+        "system {system}: covariance has the eigenvalue {eigenvalue:.3e}: it must lie within {COVARIANCE_MIN:e}..={COVARIANCE_MAX:e}; fit with a larger regularization"
+    )]
+    Covariance { system: usize, eigenvalue: f64 },
+    #[error(
+        "system {system}: {field} has the norm {norm:.3e}: at most {max:.3e} can be sampled; make the movement slower or lower following"
+    )]
+    Gain { system: usize, field: &'static str, norm: f64, max: f64 },
+    #[error(
+        "system {system}: {field} is not zero, but {why}: set it to zero, or choose another output or activation"
+    )]
+    Unused { system: usize, field: &'static str, why: &'static str },
+    #[error(
+        "activation = state with output = acceleration has no certificate here: use output = velocity, or let time or decay drive the activations"
+    )]
+    StateOfAcceleration,
+    #[error(
+        "certificate has the eigenvalue {eigenvalue:.3e}: it must lie within {CERTIFICATE_MIN:e}..={CERTIFICATE_MAX:e}; use the P the systems were fitted with, scaled to that"
+    )]
+    Certificate { eigenvalue: f64 },
+    #[error(
+        "system {system}: ½ (PA + AᵀP) has the eigenvalue {eigenvalue:.3e} s⁻¹ relative to P: it must be at most -{CONTRACTION_MIN:e}, so that the field comes to rest at the target; fit the systems under PA + AᵀP ≺ 0"
+    )]
+    Contraction { system: usize, eigenvalue: f64 },
+    #[error(
+        "system {system}: at the target it leaves {speed:.3e} m/s or rad/s, at most {REST_MAX:e} is none; set offset = −of_position · target, on the sphere with zeros for the target's rotation"
+    )]
+    Rest { system: usize, speed: f64 },
+    #[error(
+        "system {system}: of_position has the eigenvalue {re:.3e} ± {im:.3e}i s⁻¹, which following = {following} s⁻¹ makes grow: use more than {needed:.1} s⁻¹, or systems that turn less"
+    )]
+    Following { system: usize, re: f64, im: f64, following: f64, needed: f64 },
+    #[error(
         "duration_s is {duration_s}: with settle_s = {settle_s} it needs {records} records of {MAX_RECORDS}; shorten it or lengthen controller.period_us"
     )]
     Duration { duration_s: f64, settle_s: f64, records: usize },
@@ -49,7 +100,7 @@ pub enum AdmissionError {
     )]
     DryRunTorque { joint: String, limit: f64, t_s: f64, percent: f64, allowed: f64 },
     #[error(
-        "n_actions is {found}: this cell's world takes {expected} (0: an arm's springs); run the \
+        "n_actions is {found}: this cell's world takes {expected} (0: a policy of an arm); run the \
          learner with the task of the controller"
     )]
     Actions { found: u32, expected: usize },
@@ -76,29 +127,33 @@ pub fn admit(
         let (duration_s, settle_s) = (message.duration_s, config.settle_s);
         return Err(AdmissionError::Duration { duration_s, settle_s, records });
     }
-    let shoulder = model.bodies()[0].X_AB0().translation.vector;
-    // An attractor is no place to reach: it may lie beyond the arm, but not absurdly so.
-    let limit = 2.0 * reach(model);
-    for (i, component) in message.components().iter().enumerate() {
-        let d = message.task_dim as usize;
-        let K = DMatrix::from_fn(d, d, |r, c| component.stiffness_at(r, c));
-        for &eigenvalue in K.symmetric_eigenvalues().iter() {
-            if !(STIFFNESS_MIN..=STIFFNESS_MAX).contains(&eigenvalue) {
-                return Err(AdmissionError::Stiffness { component: i, eigenvalue });
-            }
-            let (ratio, damper) =
-                (message.damping_ratio, 2.0 * message.damping_ratio * eigenvalue.sqrt());
-            if damper > DAMPER_MAX {
-                return Err(AdmissionError::Damper { component: i, ratio, damper });
-            }
-        }
-        let [x, y, z, ..] = component.attractor;
-        let distance = (nalgebra::Vector3::new(x, y, z) - shoulder).norm();
-        if distance > limit {
-            return Err(AdmissionError::Attractor { component: i, x, y, z, distance, limit });
-        }
+    let room = Room::of(model);
+    match message.n_systems {
+        0 => springs::check(message, &room)?,
+        _ => systems::check(message, &room)?,
     }
     Ok(Policy::new(message))
+}
+
+/// Where attractors and targets may lie. They are no places to reach: they may be beyond the arm, but
+/// not absurdly so.
+struct Room {
+    shoulder: Vector3<f64>,
+    /// Largest distance from the shoulder, m.
+    limit: f64,
+}
+
+impl Room {
+    fn of(model: &ArmModel) -> Room {
+        let shoulder = model.bodies()[0].X_AB0().translation.vector;
+        Room { shoulder, limit: 2.0 * reach(model) }
+    }
+
+    /// From the shoulder to the position of `x`, m, if that is too far.
+    fn excess(&self, x: &[f64; TASK_DIM]) -> Option<f64> {
+        let distance = (Vector3::new(x[0], x[1], x[2]) - self.shoulder).norm();
+        (distance > self.limit).then_some(distance)
+    }
 }
 
 /// Checks an action for a world that takes `dim` numbers.

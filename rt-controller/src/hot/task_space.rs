@@ -3,7 +3,7 @@
 //! The rotational ones are the rotation vector of R_WP, with its y component (pitch, positive nose
 //! down) first, so that 3-, 4- and 6-dimensional policies use a leading part of one vector.
 
-use nalgebra::Vector6;
+use nalgebra::{UnitQuaternion, Vector3, Vector6};
 #[cfg(feature = "loop")]
 use physics::arm::TipKinematics;
 
@@ -18,16 +18,38 @@ pub struct TaskState {
     /// m/s and rad/s. The angular part is ω: it equals the derivative of the rotation vector while
     /// the tip turns about one axis, as in a toss.
     pub xd: Vector6<f64>,
+    /// The orientation itself, which has no jump at half a turn.
+    pub R_WP: UnitQuaternion<f64>,
 }
 
-#[cfg(feature = "loop")]
 impl TaskState {
+    #[cfg(feature = "loop")]
     pub fn new(tip: &TipKinematics) -> TaskState {
         let p_WP = tip.X_WP.translation.vector;
-        let rotation = tip.X_WP.rotation.scaled_axis();
+        let R_WP = tip.X_WP.rotation;
+        let rotation = R_WP.scaled_axis();
         let world = Vector6::new(p_WP.x, p_WP.y, p_WP.z, rotation.x, rotation.y, rotation.z);
-        TaskState { x: from_world(&world), xd: from_world(&tip.v) }
+        TaskState { x: from_world(&world), xd: from_world(&tip.v), R_WP }
     }
+
+    /// The state at these coordinates and velocities.
+    pub fn at(x: Vector6<f64>, xd: Vector6<f64>) -> TaskState {
+        TaskState { x, xd, R_WP: orientation(&x) }
+    }
+
+    /// x with the orientation `R_WR` as the origin of its rotational part: Log(R_WP R_WR⁻¹), the
+    /// rotation in the world frame that leads from there to here, at most π long.
+    pub fn relative_to(&self, R_WR: &UnitQuaternion<f64>) -> Vector6<f64> {
+        let turn = (self.R_WP * R_WR.inverse()).scaled_axis();
+        let x = &self.x;
+        from_world(&Vector6::new(x[0], x[1], x[2], turn.x, turn.y, turn.z))
+    }
+}
+
+/// exp of the rotational coordinates of `x`, of any length.
+pub fn orientation(x: &Vector6<f64>) -> UnitQuaternion<f64> {
+    let world = to_world(x);
+    UnitQuaternion::from_scaled_axis(Vector3::new(world[3], world[4], world[5]))
 }
 
 /// World [linear; angular] → task coordinates.

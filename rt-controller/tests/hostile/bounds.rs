@@ -5,6 +5,8 @@ use physics::arm::{ArmModel, JointVector, kinematics};
 use shm_types::policy::{Component, PolicyMsg};
 use shm_types::{MAX_COMPONENTS, SCHEMA, TASK_DIM};
 
+use super::fields;
+
 /// What the bounds depend on.
 pub struct Arm {
     pub shoulder: [f64; 3],
@@ -24,6 +26,13 @@ impl Arm {
         // 4000 records of 1 ms, two of them for the ends.
         Arm { shoulder, farthest_m: 2.0 * reach, longest_s: 3.998 - settle_s }
     }
+
+    /// Too far from the shoulder.
+    pub fn is_beyond(&self, x: &[f64; TASK_DIM], slack: f64) -> bool {
+        let away = |i: usize| x[i] - self.shoulder[i];
+        let distance = (away(0).powi(2) + away(1).powi(2) + away(2).powi(2)).sqrt();
+        distance > self.farthest_m * (1.0 + slack)
+    }
 }
 
 /// The bound that `policy` violates, if any. Bounds that are computed are widened by the share
@@ -38,8 +47,14 @@ pub fn violation(policy: &PolicyMsg, arm: &Arm, slack: f64) -> Option<String> {
     must(policy.schema == SCHEMA, "schema");
     must(policy.digest == policy.compute_digest(), "digest");
     must([3, 4, 6].contains(&policy.task_dim), "task_dim");
-    must((1..=MAX_COMPONENTS as u32).contains(&policy.n_components), "n_components");
-    must(policy.activation <= 1, "activation");
+    let counts = 1..=MAX_COMPONENTS as u32;
+    let (springs, systems) = (policy.n_components, policy.n_systems);
+    let is_one_kind =
+        (counts.contains(&springs) && systems == 0) || (counts.contains(&systems) && springs == 0);
+    must(is_one_kind, "n_components or n_systems");
+    let most = u32::from(systems > 0);
+    must(policy.activation <= 1 + most && policy.output <= most, "activation or output");
+    must(policy.orientation <= 1, "orientation");
     must(policy.n_actions == 0, "n_actions");
     must(policy.duration_s >= 0.05, "shortest duration");
     must(policy.duration_s <= arm.longest_s + slack, "longest duration");
@@ -50,8 +65,15 @@ pub fn violation(policy: &PolicyMsg, arm: &Arm, slack: f64) -> Option<String> {
     must((0.0..=10.0).contains(&ratio), "damping ratio");
     let (k, d) = (policy.orientation_stiffness, policy.orientation_damping);
     must((0.0..=1e5).contains(&k) && (0.0..=1e3).contains(&d), "orientation gains");
+    let slowest = f64::from(policy.output);
+    must(policy.following >= slowest && policy.following <= 500.0, "following");
+    must(policy.target.iter().all(|x| x.abs() <= 100.0), "target");
+    must(policy.certificate.iter().all(|x| x.abs() <= 1e6), "certificate entry");
     if broken.is_some() {
         return broken;
+    }
+    if systems > 0 {
+        return fields::violation(policy, arm, slack);
     }
     let used = &policy.components[..policy.n_components as usize];
     used.iter().find_map(|one| of_component(one, policy.task_dim as usize, ratio, arm, slack))
@@ -75,10 +97,8 @@ fn of_component(
     if let Some(x) = stiffness.iter().find(|x| !within(**x, -1e6, 1e6)) {
         return Some(format!("stiffness {x}"));
     }
-    let away = |i: usize| attractor[i] - arm.shoulder[i];
-    let distance = (away(0).powi(2) + away(1).powi(2) + away(2).powi(2)).sqrt();
-    if distance > arm.farthest_m * (1.0 + slack) {
-        return Some(format!("attractor {distance} m from the shoulder"));
+    if arm.is_beyond(attractor, slack) {
+        return Some(format!("attractor {attractor:?} too far from the shoulder"));
     }
     // λ within [1e-3, 5e4], and 2ζ√λ at most 1e3: both K − λ_min·1 and λ_max·1 − K are positive definite.
     let (min, max) = (1e-3 - slack, 5e4_f64.min((500.0 / ratio).powi(2)) * (1.0 + slack));
@@ -92,7 +112,7 @@ fn of_component(
 
 /// Gaussian elimination with pivots from the diagonal: all pivots of a positive definite matrix are
 /// positive.
-fn is_positive(d: usize, entry: impl Fn(usize, usize) -> f64) -> bool {
+pub fn is_positive(d: usize, entry: impl Fn(usize, usize) -> f64) -> bool {
     let mut m: [[f64; TASK_DIM]; TASK_DIM] = std::array::from_fn(|r| {
         std::array::from_fn(|c| if r.max(c) < d { entry(r, c) } else { 0.0 })
     });

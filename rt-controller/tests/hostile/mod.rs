@@ -2,6 +2,7 @@
 #![allow(dead_code)] // each test file uses its own part
 
 pub mod bounds;
+pub mod fields;
 pub mod policies;
 
 use rand::RngExt;

@@ -7,7 +7,7 @@ use shm_types::policy::{ACTIVATION_DECAY, ACTIVATION_TIME, Component, PolicyMsg,
 use shm_types::{MAX_COMPONENTS, PACKED, TASK_DIM};
 
 use super::bounds::Arm;
-use super::{mutate, noise};
+use super::{fields, mutate, noise};
 
 /// Which of the three kinds, and the message.
 pub fn hostile_policy(rng: &mut ChaCha8Rng, arm: &Arm) -> (&'static str, PolicyMsg) {
@@ -15,24 +15,33 @@ pub fn hostile_policy(rng: &mut ChaCha8Rng, arm: &Arm) -> (&'static str, PolicyM
         0 => ("noise", noise(rng)),
         1 => ("noise, sealed", dressed(noise(rng), rng).sealed()),
         2..=5 => {
-            let mut policy = at_the_bounds(rng, arm).sealed();
+            let mut policy = either_at_the_bounds(rng, arm).sealed();
             mutate(&mut policy, rng);
-            if rng.random_bool(0.3) {
+            if policy.n_systems == 0 && rng.random_bool(0.3) {
                 spoil_stiffness(&mut policy, rng);
             }
             // Most of them must get past the digest.
             ("mutated", if rng.random_bool(0.85) { policy.sealed() } else { policy })
         }
-        _ => ("at the bounds", at_the_bounds(rng, arm).sealed()),
+        _ => ("at the bounds", either_at_the_bounds(rng, arm).sealed()),
     }
+}
+
+fn either_at_the_bounds(rng: &mut ChaCha8Rng, arm: &Arm) -> PolicyMsg {
+    if rng.random_bool(0.3) { fields::at_the_bounds(rng, arm) } else { at_the_bounds(rng, arm) }
 }
 
 /// Noise whose counts are right, so that what lies behind them is looked at.
 fn dressed(noise: PolicyMsg, rng: &mut ChaCha8Rng) -> PolicyMsg {
+    let n = rng.random_range(1..=MAX_COMPONENTS as u32);
+    let (n_components, n_systems) = if rng.random() { (n, 0) } else { (0, n) };
     PolicyMsg {
         task_dim: [3, 4, 6][rng.random_range(0..3)],
-        n_components: rng.random_range(1..=MAX_COMPONENTS as u32),
+        n_components,
+        n_systems,
         activation: rng.random_range(0..2),
+        output: 0,
+        orientation: rng.random_range(0..2),
         n_actions: 0,
         duration_s: rng.random_range(0.05..2.5),
         ..noise
@@ -52,7 +61,7 @@ fn spoil_stiffness(policy: &mut PolicyMsg, rng: &mut ChaCha8Rng) {
 }
 
 /// Between the bounds, now and then on one, a hair within or a hair beyond.
-fn between(min: f64, max: f64, rng: &mut ChaCha8Rng) -> f64 {
+pub fn between(min: f64, max: f64, rng: &mut ChaCha8Rng) -> f64 {
     let bound = if rng.random() { min } else { max };
     match rng.random_range(0..100) {
         0 => bound,
@@ -79,6 +88,7 @@ fn at_the_bounds(rng: &mut ChaCha8Rng, arm: &Arm) -> PolicyMsg {
         damping_ratio: if rng.random_bool(0.2) { between(0.0, 10.0, rng) } else { 0.0 },
         orientation_stiffness: between(0.0, 1e5, rng),
         orientation_damping: between(0.0, 1e3, rng),
+        orientation: rng.random_range(0..2),
         ..PolicyMsg::EMPTY
     };
     let (d, n) = (policy.task_dim as usize, policy.n_components as usize);
@@ -86,7 +96,7 @@ fn at_the_bounds(rng: &mut ChaCha8Rng, arm: &Arm) -> PolicyMsg {
         *component = Component {
             center: between(-30.0, 60.0, rng),
             width: between(1e-4, 30.0, rng),
-            attractor: attractor(rng, arm),
+            attractor: point(rng, arm),
             stiffness: [0.0; PACKED],
         };
         set_stiffness(component, d, rng);
@@ -95,7 +105,7 @@ fn at_the_bounds(rng: &mut ChaCha8Rng, arm: &Arm) -> PolicyMsg {
 }
 
 /// A point at most as far from the shoulder as is allowed, and any orientation.
-fn attractor(rng: &mut ChaCha8Rng, arm: &Arm) -> [f64; TASK_DIM] {
+pub fn point(rng: &mut ChaCha8Rng, arm: &Arm) -> [f64; TASK_DIM] {
     let direction: [f64; 3] = std::array::from_fn(|_| rng.random_range(-1.0..1.0));
     let length = direction.iter().map(|x| x * x).sum::<f64>().sqrt().max(1e-9);
     let distance = between(0.0, arm.farthest_m, rng);
@@ -105,11 +115,25 @@ fn attractor(rng: &mut ChaCha8Rng, arm: &Arm) -> [f64; TASK_DIM] {
     })
 }
 
-/// K = Q diag(λ) Qᵀ with λ between the bounds, most evenly over the decades; Q of plane rotations.
+/// K with λ between the bounds, most evenly over the decades.
 fn set_stiffness(component: &mut Component, d: usize, rng: &mut ChaCha8Rng) {
+    let K = rotated(d, rng, |rng| 10_f64.powf(between(-3.0, 5e4_f64.log10(), rng)));
+    for row in 0..d {
+        for column in 0..=row {
+            component.stiffness[packed_index(row, column)] = K[(row, column)];
+        }
+    }
+}
+
+/// Q diag(λ) Qᵀ in the leading d×d block; Q of plane rotations.
+pub fn rotated(
+    d: usize,
+    rng: &mut ChaCha8Rng,
+    mut eigenvalue: impl FnMut(&mut ChaCha8Rng) -> f64,
+) -> Matrix6<f64> {
     let mut K = Matrix6::zeros();
     for i in 0..d {
-        K[(i, i)] = 10_f64.powf(between(-3.0, 5e4_f64.log10(), rng));
+        K[(i, i)] = eigenvalue(rng);
     }
     for _ in 0..rng.random_range(0..2 * d) {
         let (i, j) = (rng.random_range(0..d), rng.random_range(0..d));
@@ -121,9 +145,5 @@ fn set_stiffness(component: &mut Component, d: usize, rng: &mut ChaCha8Rng) {
         (R[(i, i)], R[(j, j)], R[(i, j)], R[(j, i)]) = (cos, cos, -sin, sin);
         K = R.transpose() * K * R;
     }
-    for row in 0..d {
-        for column in 0..=row {
-            component.stiffness[packed_index(row, column)] = K[(row, column)];
-        }
-    }
+    K
 }

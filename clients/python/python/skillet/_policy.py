@@ -1,4 +1,5 @@
-"""Policies: Eq. (5), ẍ = Σ hᵢ [Kᵢ (μᵢ − x) − κᵛ ẋ], evaluated by the code of the control loop."""
+"""Policies: the springs of Eq. (5), ẍ = Σ hᵢ [Kᵢ (μᵢ − x) − κᵛ ẋ], or the linear systems of Eq. (2), evaluated by the
+code of the control loop."""
 
 import json
 import os
@@ -17,14 +18,15 @@ Floats = NDArray[np.float64]
 
 
 class Evaluation(NamedTuple):
-    """Eq. (5) at one state, or at n of them: every shape then begins with n."""
+    """A policy at one state, or at n of them: every shape then begins with n."""
 
     acceleration: Floats
     """ẍ, (6,), m/s² and rad/s². The loop turns it into torques with the arm's inertia."""
     attractor: Floats
-    """Σ hᵢ μᵢ, (6,), m and rad."""
+    """Σ hᵢ μᵢ, (6,), m and rad; of systems x + ẋ/following where they yield ẋ, else x."""
     stiffness: Floats
-    """Σ hᵢ Kᵢ, (6, 6), s⁻²: per unit mass. What is not learnt has the gain of the orientation."""
+    """Σ hᵢ Kᵢ, (6, 6), s⁻²: per unit mass. What is not learnt has the gain of the orientation. Of systems, −∂ẍ/∂x with
+    the activations held."""
     activations: Floats
     """hᵢ, (N,); their sum is 1."""
 
@@ -37,7 +39,7 @@ class Evaluation(NamedTuple):
 
 
 class Policy:
-    """A policy of springs, or the action vector of a task without arm.
+    """A policy of springs, of linear systems, or the action vector of a task without arm.
 
         policy = skillet.Policy.read("policy.json")     # or .toml, as `skillet policy export` writes them
         policy.evaluate(0.2, x, xd).acceleration
@@ -76,8 +78,13 @@ class Policy:
         return "action" in self.fields
 
     @property
+    def is_systems(self) -> bool:
+        """The policy is one of the linear systems of Eq. (2): see `fields["systems"]`."""
+        return "systems" in self.fields
+
+    @property
     def action(self) -> Floats:
-        """The action vector, in the units of its world; empty for springs."""
+        """The action vector, in the units of its world; empty for an arm's policy."""
         return np.array(self.fields.get("action", []), dtype=np.float64)
 
     @property
@@ -88,11 +95,11 @@ class Policy:
     @property
     def task_dim(self) -> int:
         """Learnt coordinates d: the first of x, y, z, pitch, roll, yaw."""
-        return self._of_springs("task_dim")
+        return self._of_arm("task_dim")
 
     @property
     def duration_s(self) -> float:
-        return self._of_springs("duration_s")
+        return self._of_arm("duration_s")
 
     @property
     def centers(self) -> Floats:
@@ -118,6 +125,11 @@ class Policy:
         return np.array([component[key] for component in self._of_springs("components")])
 
     def _of_springs(self, key: str) -> Any:
+        if self.is_systems:
+            raise ValueError('a policy of systems has no springs: see policy.fields["systems"]')
+        return self._of_arm(key)
+
+    def _of_arm(self, key: str) -> Any:
         if self.is_action:
             raise ValueError("this policy is an action vector without springs: see policy.action")
         return self.fields[key]
@@ -129,7 +141,7 @@ class Policy:
             name = {"attractors": "attractor", "stiffness": "stiffness", "centers": "center", "widths": "width"}.get(key)
             value = np.asarray(value).tolist() if not isinstance(value, str) else value
             if name is None:
-                if key not in changed and key != "damping_ratio":
+                if key not in changed and key not in ("damping_ratio", "orientation"):
                     raise ValueError(f"{key}: a policy has {', '.join(changed)}")
                 changed[key] = value
                 continue
@@ -140,7 +152,7 @@ class Policy:
         return Policy(_finite_json(changed))
 
     def evaluate(self, t: ArrayLike, x: ArrayLike, xd: ArrayLike) -> Evaluation:
-        """Eq. (5) as the loop evaluates it, bit for bit.
+        """Eq. (5), or Eq. (2) of systems, as the loop evaluates it, bit for bit.
 
         t    time since the start of the movement, s: a number, or (n,)
         x    task coordinates of the tip, m and rad: (6,), or (n, 6)
@@ -156,7 +168,7 @@ class Policy:
         return Evaluation(*(np.frombuffer(part, "<f8").reshape(*n, *shape) for part, shape in zip(parts, shapes)))
 
     def integrate(self, x: ArrayLike, xd: ArrayLike = (0.0,) * 6, dt: float = 0.001) -> tuple[Floats, Floats, Floats]:
-        """What a free unit mass does that follows Eq. (5) alone: t (n,), x (n, 6), xd (n, 6).
+        """What a free unit mass does that follows the policy alone: t (n,), x (n, 6), xd (n, 6).
 
         No arm, no limits, no object; for a rollout of those see `Task.run`.
         """
@@ -179,12 +191,17 @@ class Policy:
             return f"# in the units of its world\naction = {self.fields['action']!r}\n"
         units = {"task_dim": "learnt coordinates: the first of x, y, z, pitch, roll, yaw", "duration_s": "s",
                  "decay_rate": "s⁻¹", "damping": "s⁻¹", "orientation_stiffness": "s⁻²",
-                 "orientation_damping": "s⁻¹", "damping_ratio": "spring i damps with 2ζ Kᵢ^½"}
-        lines = ["# Eq. (5): acceleration = Σ hᵢ Kᵢ (μᵢ − x) − damping · ẋ, world frame"]
+                 "orientation_damping": "s⁻¹", "damping_ratio": "spring i damps with 2ζ Kᵢ^½", "following": "s⁻¹"}
+        law = "Σ hᵢ Kᵢ (μᵢ − x) − damping · ẋ"
+        if self.is_systems:
+            law = "Σ hᵢ [of_position · x + of_velocity · ẋ + of_drive · drive + offset]"
+        lines = [f"# Eq. ({2 if self.is_systems else 5}): {self.fields.get('output', 'acceleration')} = {law}, world frame"]
         for key, value in self.fields.items():
-            if key != "components":
+            if key not in ("components", "systems"):
                 lines.append(f"{key} = {json.dumps(value)}" + (f"  # {units[key]}" if key in units else ""))
-        for component in self.fields["components"]:
+        for system in self.fields.get("systems", []):
+            lines += ["", "[[systems]]", *(f"{key} = {json.dumps(value)}" for key, value in system.items())]
+        for component in self.fields.get("components", []):
             lines += ["", "[[components]]", f"center = {component['center']!r}", f"width = {component['width']!r}",
                       "# x, y, z in m; pitch, roll, yaw in rad", f"attractor = {component['attractor']!r}",
                       "# s⁻²", "stiffness = [", *(f"  {row!r}," for row in component["stiffness"]), "]"]
@@ -204,6 +221,8 @@ class Policy:
     def __repr__(self) -> str:
         if self.is_action:
             return f"<Policy: action {self.fields['action']}>"
+        if self.is_systems:
+            return f"<Policy: {len(self.fields['systems'])} systems in {self.task_dim} coordinates, {self.duration_s} s>"
         return f"<Policy: {len(self.centers)} springs in {self.task_dim} coordinates, {self.duration_s} s>"
 
 
