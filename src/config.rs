@@ -180,6 +180,7 @@ fn parse(text: &str, of: Defaults) -> Result<Config, toml::de::Error> {
     // First as it is: toml then names line and field, and lists the fields it knows.
     let given: Config = toml::from_str(text)?;
     let mut defaults = of(&given.task.name, given.task.options);
+    defaults.learner = defaults.learner.encoded(given.learner.encoding);
     if given.learner.people.takes_ratings() {
         defaults.learner.search.power.noise = given.learner.people.noise();
     }

@@ -1,12 +1,17 @@
 //! `[learner]` of the configuration file: every setting of a session, with defaults and ranges.
 
+use std::collections::BTreeSet;
+
 use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
 use shm_types::MAX_COMPONENTS;
 
 use crate::action::ActionConfig;
 use crate::activation::Activation;
 use crate::compliance::ComplianceConfig;
-use crate::exploration::ExplorationConfig;
+use crate::demonstration::DemonstrationsAre;
+use crate::encoding::{EncodingConfig, EncodingKind};
+use crate::exploration::{ExplorationConfig, StiffnessKind};
 use crate::initial_policy::InitialPolicyConfig;
 use crate::modes::Prefer;
 use crate::parameters::{STIFFNESS_MAX, STIFFNESS_MIN, Scales};
@@ -22,6 +27,12 @@ pub struct LearnerConfig {
     /// Rollouts after which the session is done; may be raised when it is resumed.
     pub rollouts: u64,
     pub seed: u64,
+    /// What θ holds of a policy.
+    #[serde(skip_serializing_if = "EncodingKind::is_springs")]
+    pub encoding: EncodingKind,
+    /// What several demonstrations are to each other.
+    #[serde(skip_serializing_if = "DemonstrationsAre::is_starts")]
+    pub demonstrations_are: DemonstrationsAre,
     /// Learnt coordinates: 3 (position), 4 (and pitch) or 6 (and roll, yaw).
     pub task_dim: usize,
     pub n_components: usize,
@@ -58,6 +69,8 @@ impl Default for LearnerConfig {
         LearnerConfig {
             rollouts: 100,
             seed: 1,
+            encoding: EncodingKind::default(),
+            demonstrations_are: DemonstrationsAre::default(),
             task_dim: policy.task_dim,
             n_components: policy.n_components,
             kappa_p: policy.kappa_p,
@@ -109,8 +122,58 @@ impl LearnerConfig {
         check("compliance.", &self.compliance.ranges())?;
         check("people.", &self.people.ranges())?;
         self.action.validate()?;
+        self.check_encoding()?;
         self.check_is_told_anew()?;
         self.search.validate()
+    }
+
+    /// The same settings for another encoding: what it does not have is off.
+    pub fn encoded(self, encoding: EncodingKind) -> LearnerConfig {
+        let mut config = LearnerConfig { encoding, ..self };
+        if !encoding.is_springs() {
+            config.compliance = ComplianceConfig::off();
+            config.exploration.stiffness = StiffnessKind::Fixed;
+        }
+        if encoding == EncodingKind::Dmp {
+            config.activation = Activation::Decay;
+        }
+        config
+    }
+
+    /// That nothing is asked of the encoding which it does not have.
+    fn check_encoding(&self) -> Result<(), ConfigError> {
+        if self.encoding.is_springs() && self.demonstrations_are.is_starts() {
+            return Ok(());
+        }
+        let Self { compliance, exploration, demonstrations_are, .. } = self;
+        let refused = [
+            (
+                "compliance.weight",
+                !self.encoding.is_springs() && compliance.pays(),
+                compliance.weight.to_string(),
+                "0",
+            ),
+            (
+                "exploration.stiffness",
+                !self.encoding.has_stiffness() && exploration.stiffness != StiffnessKind::Fixed,
+                format!("{:?}", exploration.stiffness).to_lowercase(),
+                "fixed",
+            ),
+            (
+                "demonstrations_are",
+                !self.encoding.fits_several() && !demonstrations_are.is_starts(),
+                "repetitions".into(),
+                "starts",
+            ),
+        ];
+        match refused.into_iter().find(|(_, asks, ..)| *asks) {
+            None => Ok(()),
+            Some((field, _, value, allowed)) => Err(ConfigError::Range {
+                field: field.into(),
+                value,
+                allowed: format!("{allowed} with learner.encoding = \"{}\"", self.encoding.name()),
+            }),
+        }
     }
 
     /// That the search can be told its trials anew where something asks for that.
@@ -147,6 +210,11 @@ impl LearnerConfig {
         }
     }
 
+    /// The part that shapes policies.
+    pub fn encoding(&self) -> EncodingConfig {
+        EncodingConfig { kind: self.encoding, policy: self.initial_policy(), scales: self.scales }
+    }
+
     /// That a session started with `stored` may go on with `self`: everything is equal except the
     /// number of rollouts, the preferred mode, and when the learner waits for people and asks them, which no
     /// proposal depends on, and the wish, which is stored with the trial from which on it holds.
@@ -162,23 +230,29 @@ impl LearnerConfig {
     }
 }
 
-fn to_json(config: &LearnerConfig) -> serde_json::Value {
+fn to_json(config: &LearnerConfig) -> Value {
     serde_json::to_value(config).expect("a configuration is plain data")
 }
 
-/// Name and both values of the first field, in alphabetical order, that differs.
+/// Name and both values of the first field, in alphabetical order, that differs; what is left out is null.
 fn first_difference(
     prefix: &str,
-    found: &serde_json::Value,
-    stored: &serde_json::Value,
+    found: &Value,
+    stored: &Value,
 ) -> Option<(String, String, String)> {
+    let said =
+        |value: &Value| if value.is_null() { "its default".into() } else { value.to_string() };
     match (found.as_object(), stored.as_object()) {
-        (Some(found), Some(stored)) => found.iter().find_map(|(key, value)| {
-            let field = if prefix.is_empty() { key.clone() } else { format!("{prefix}.{key}") };
-            first_difference(&field, value, &stored[key])
-        }),
+        (Some(found), Some(stored)) => {
+            let keys: BTreeSet<&String> = found.keys().chain(stored.keys()).collect();
+            keys.into_iter().find_map(|key| {
+                let field = if prefix.is_empty() { key.clone() } else { format!("{prefix}.{key}") };
+                let value = |of: &Map<String, Value>| of.get(key).cloned().unwrap_or_default();
+                first_difference(&field, &value(found), &value(stored))
+            })
+        }
         _ if found == stored => None,
-        _ => Some((prefix.into(), found.to_string(), stored.to_string())),
+        _ => Some((prefix.into(), said(found), said(stored))),
     }
 }
 

@@ -9,6 +9,7 @@
 //! [`Demonstration::poses`].
 
 use csv::{ReaderBuilder, StringRecord, Trim};
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::trajectory::{Pose, derivatives, resample};
@@ -48,6 +49,28 @@ pub enum DemonstrationError {
         DURATION_S.start(), DURATION_S.end()
     )]
     Duration { file: String, duration_s: f64 },
+}
+
+/// What several demonstrations of a session are to each other.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum DemonstrationsAre {
+    /// Other ways to do it: the search starts from each.
+    #[default]
+    Starts,
+    /// Repetitions of one way: one policy is fitted to all.
+    Repetitions,
+}
+
+impl DemonstrationsAre {
+    pub fn is_starts(&self) -> bool {
+        *self == DemonstrationsAre::Starts
+    }
+
+    /// The demonstrations of each start.
+    pub fn starts(self, all: &[Demonstration]) -> impl Iterator<Item = &[Demonstration]> {
+        all.chunks(if self.is_starts() { 1 } else { all.len().max(1) })
+    }
 }
 
 /// A demonstration at a uniform rate; time starts at 0.

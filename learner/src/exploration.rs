@@ -16,16 +16,14 @@ use serde::{Deserialize, Serialize};
 use shm_types::policy::PolicyMsg;
 
 use crate::demonstration::Demonstration;
-use crate::initial_policy::{InitialPolicyConfig, initial_policy};
-use crate::parameters::{ATTRACTOR_MAX, ParameterError, ParameterMap};
+use crate::encoding::Encoding;
+use crate::parameters::{ATTRACTOR_MAX, N_POSITIONS, ParameterError};
 use crate::trajectory::{Pose, retime};
 use search::Direction;
 use search::range::{Range, range};
 pub use stiffness::PhaseError;
 use thiserror::Error;
 
-/// x, y and z come first in a pose and in θ, rotations after them.
-const N_POSITIONS: usize = 3;
 /// Reach of the changes around the peak to both sides, as a part of the duration.
 const PEAK_REACH: f64 = 0.25;
 /// A change of θ smaller than this is none: rounding, not movement.
@@ -149,30 +147,33 @@ impl ExplorationConfig {
     }
 }
 
-/// A change of θ per unit of noise, `map.dim()` long, and what is known of it.
+/// A change of θ per unit of noise, `encoding.dim()` long, and what is known of it.
 pub(crate) type Column = (DVector<f64>, Direction);
 
 /// The directions, only those along which something changes. `initial` is the policy fitted to
-/// `demonstration`.
+/// `demonstrations`, at least one; what alters one of them alters all.
 ///
 /// # Errors
 /// Where phases are asked for and the demonstration has none.
 pub(crate) fn directions(
     initial: &PolicyMsg,
-    map: &ParameterMap,
+    encoding: &Encoding,
     config: &ExplorationConfig,
-    initial_config: &InitialPolicyConfig,
-    demonstration: &Demonstration,
+    demonstrations: &[Demonstration],
 ) -> Result<Vec<Column>, ExplorationError> {
-    let theta_0 = map.encode(initial)?;
+    let theta_0 = encoding.encode(initial)?;
+    let altered: Vec<Vec<Demonstration>> =
+        demonstrations.iter().map(|one| alterations(one, config)).collect();
     let mut columns = Vec::new();
-    for (index, poses) in alterations(demonstration, config).into_iter().enumerate() {
-        let altered = initial_policy(&demonstration.with_poses(poses), initial_config);
+    for index in 0..altered[0].len() {
+        let set: Vec<Demonstration> = altered.iter().map(|all| all[index].clone()).collect();
         let grows = config.grows && index == POSITION_AMPLITUDE;
         let direction = Direction { grows, late: false };
-        columns.push((map.encode(&altered)? - &theta_0, direction));
+        columns.push((encoding.encode(&encoding.refit(&set))? - &theta_0, direction));
     }
-    columns.extend(stiffness::columns(initial, map, config, demonstration)?);
+    if let Some(map) = encoding.springs() {
+        columns.extend(stiffness::columns(initial, map, config, &demonstrations[0])?);
+    }
     columns.retain(|(change, _)| change.amax() > NO_CHANGE);
     Ok(columns)
 }
@@ -180,8 +181,8 @@ pub(crate) fn directions(
 /// Of the alterations the one that makes the position's excursion larger.
 const POSITION_AMPLITUDE: usize = 0;
 
-/// The demonstration's poses, altered in each way by one unit of noise.
-fn alterations(demonstration: &Demonstration, amounts: &ExplorationConfig) -> Vec<Vec<Pose>> {
+/// The demonstration, altered in each way by one unit of noise.
+fn alterations(demonstration: &Demonstration, amounts: &ExplorationConfig) -> Vec<Demonstration> {
     let (poses, period_s) = (demonstration.poses(), demonstration.period_s());
     let start = poses[0];
     let grown = |by: [f64; 2]| -> Vec<Pose> {
@@ -206,7 +207,7 @@ fn alterations(demonstration: &Demonstration, amounts: &ExplorationConfig) -> Ve
     let lagging = poses.iter().zip(&late).map(|(pose, late)| -> Pose {
         std::array::from_fn(|c| if c < N_POSITIONS { pose[c] } else { late[c] })
     });
-    vec![
+    let altered = [
         grown([amounts.position_amplitude, 0.0]),
         grown([0.0, amounts.rotation_amplitude]),
         offset(0),
@@ -214,7 +215,8 @@ fn alterations(demonstration: &Demonstration, amounts: &ExplorationConfig) -> Ve
         offset(2),
         sooner,
         lagging.collect(),
-    ]
+    ];
+    altered.into_iter().map(|poses| demonstration.with_poses(poses)).collect()
 }
 
 /// The moment at which a movement is farthest from its start.

@@ -25,9 +25,9 @@ use shm_types::text;
 
 use crate::config::LearnerConfig;
 use crate::demonstration::Demonstration;
+use crate::encoding;
 use crate::error::{CompleteError, LearnerError, not_executed};
 use crate::history::History;
-use crate::initial_policy::initial_policy;
 use crate::judge::{Judge, JudgeError};
 use crate::mail::Mail;
 use crate::modes::{ModeReport, assess, mode_policy_id};
@@ -73,11 +73,8 @@ impl Learner {
     ) -> Result<Self, LearnerError> {
         meta.learner.validate()?;
         let meta = SessionMeta { measures: judge.declared(), ..meta };
-        let (policy, source) = match demonstrations.first() {
-            Some(demonstration) => {
-                let policy = initial_policy(demonstration, &meta.learner.initial_policy());
-                (policy, demonstration.file())
-            }
+        let (policy, source) = match meta.learner.demonstrations_are.starts(demonstrations).next() {
+            Some(shown) => (encoding::fit(&meta.learner.encoding(), shown), shown[0].file()),
             None => (PolicyMsg::of_action(&meta.learner.action.start).sealed(), "an action"),
         };
         let (session, policy_id) = (meta.session_id, INITIAL_POLICY_ID);

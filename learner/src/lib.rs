@@ -15,6 +15,7 @@ pub mod compliance;
 pub mod config;
 pub mod damping;
 pub mod demonstration;
+pub mod encoding;
 mod error;
 pub mod exploration;
 pub mod expression;

@@ -22,7 +22,7 @@ pub const ATTRACTOR_MAX: f64 = 100.0;
 /// Beyond what any θ reaches.
 const NO_END: f64 = 1e9;
 /// x, y and z come first.
-const N_POSITIONS: usize = 3;
+pub(crate) const N_POSITIONS: usize = 3;
 
 /// One unit of θ in physical units (the rescaling of the paper's footnote 1).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -42,12 +42,27 @@ impl Default for Scales {
     }
 }
 
+impl Scales {
+    /// The scale of entry `coordinate` of an attractor, m or rad.
+    pub fn attractor(&self, coordinate: usize) -> f64 {
+        if coordinate < N_POSITIONS { self.position_m } else { self.angle_rad }
+    }
+}
+
 /// Identity of a policy: the fields of the message that are not physical.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PolicyIds {
     pub session: u64,
     pub rollout: u64,
     pub policy_id: u64,
+}
+
+impl PolicyIds {
+    /// `policy` under these names; not sealed.
+    pub(crate) fn name(self, policy: &PolicyMsg) -> PolicyMsg {
+        let PolicyIds { session, rollout, policy_id } = self;
+        PolicyMsg { session, rollout, policy_id, ..*policy }
+    }
 }
 
 /// Why a policy has no θ.
@@ -69,6 +84,11 @@ pub enum ParameterError {
          {STIFFNESS_MIN}..={STIFFNESS_MAX}"
     )]
     Stiffness { component: usize, value: f64 },
+    #[error(
+        "component {component}: its stiffness is not that of the session, whose encoding keeps it: use \
+         learner.encoding = \"springs\" for policies that differ in stiffness"
+    )]
+    OtherStiffness { component: usize },
 }
 
 /// No `#[from]`: the text holds the cause, and a chain would repeat it.
@@ -96,13 +116,7 @@ impl ParameterMap {
         if base.n_systems > 0 {
             return Err(ParameterError::Systems);
         }
-        let mut base = *base;
-        // What is not in use is zero in every decoded message, so that equal policies have equal
-        // digests wherever the base came from.
-        base.components[base.n_components as usize..].fill(Component::ZERO);
-        let packed = packed_len(base.task_dim as usize);
-        base.components.iter_mut().for_each(|component| component.stiffness[packed..].fill(0.0));
-        Ok(ParameterMap { base, scales })
+        Ok(ParameterMap { base: tidied(base), scales })
     }
 
     /// Learnt coordinates d.
@@ -119,31 +133,18 @@ impl ParameterMap {
         self.task_dim() + packed_len(self.task_dim())
     }
 
-    /// Scale of attractor entry `coordinate`, m or rad.
-    fn attractor_scale(&self, coordinate: usize) -> f64 {
-        if coordinate < 3 { self.scales.position_m } else { self.scales.angle_rad }
-    }
-
     /// Sec. 3.1, Θ = {Kᵢ, μᵢ}: θ = (μᵢ / scale, lower triangle of log Kᵢ / scale)ᵢ, `dim()` long.
     ///
     /// Inverse of [`ParameterMap::decode`] for every policy whose stiffness is within bounds.
     pub fn encode(&self, policy: &PolicyMsg) -> Result<DVector<f64>, ParameterError> {
-        policy.validate()?;
         if policy.n_systems > 0 {
             return Err(ParameterError::Systems);
         }
-        if (policy.task_dim, policy.n_components) != (self.base.task_dim, self.base.n_components) {
-            return Err(ParameterError::Shape {
-                found_dim: policy.task_dim,
-                found: policy.n_components,
-                task_dim: self.base.task_dim,
-                components: self.base.n_components,
-            });
-        }
+        check_shape(&self.base, policy)?;
         let d = self.task_dim();
         let mut theta = Vec::with_capacity(self.dim());
         for (index, component) in policy.components().iter().enumerate() {
-            theta.extend((0..d).map(|c| component.attractor[c] / self.attractor_scale(c)));
+            theta.extend((0..d).map(|c| component.attractor[c] / self.scales.attractor(c)));
             let stiffness = DMatrix::from_fn(d, d, |row, col| component.stiffness_at(row, col));
             let log_k = symmetric_log(stiffness)
                 .map_err(|value| ParameterError::Stiffness { component: index, value })?;
@@ -187,19 +188,17 @@ impl ParameterMap {
     /// The box whose attractors lie within `reach_m` of those of `policy`, with no end in other
     /// parameters.
     pub fn near(&self, policy: &PolicyMsg, reach_m: f64) -> Bounds {
-        let mut min = DVector::from_element(self.dim(), -NO_END);
-        let mut max = -&min;
+        let mut bounds = no_end(self.dim());
         for axis in 0..N_POSITIONS.min(self.task_dim()) {
-            let of = || policy.components().iter().map(|component| component.attractor[axis]);
-            let low = of().fold(f64::INFINITY, f64::min) - reach_m;
-            let high = of().fold(f64::NEG_INFINITY, f64::max) + reach_m;
+            let places = policy.components().iter().map(|component| component.attractor[axis]);
+            let (low, high) = extent(places);
             for component in 0..policy.components().len() {
                 let at = component * self.stride() + axis;
-                min[at] = low / self.scales.position_m;
-                max[at] = high / self.scales.position_m;
+                bounds.min[at] = (low - reach_m) / self.scales.position_m;
+                bounds.max[at] = (high + reach_m) / self.scales.position_m;
             }
         }
-        Bounds { min, max }
+        bounds
     }
 
     /// Sec. 3.1, footnote 1: Kᵢ = exp(Sᵢ), so that every θ gives a symmetric positive definite
@@ -215,18 +214,13 @@ impl ParameterMap {
         assert_eq!(theta.len(), self.dim(), "θ does not belong to this policy shape");
         assert!(theta.iter().all(|value| value.is_finite()), "θ must be finite");
         let d = self.task_dim();
-        let mut policy = PolicyMsg {
-            session: ids.session,
-            rollout: ids.rollout,
-            policy_id: ids.policy_id,
-            ..self.base
-        };
+        let mut policy = ids.name(&self.base);
         let chunks = theta.as_slice().chunks_exact(self.stride());
         for (component, entries) in policy.components.iter_mut().zip(chunks) {
             let (attractor, log_k) = entries.split_at(d);
             for (c, value) in attractor.iter().enumerate() {
                 component.attractor[c] =
-                    (value * self.attractor_scale(c)).clamp(-ATTRACTOR_MAX, ATTRACTOR_MAX);
+                    (value * self.scales.attractor(c)).clamp(-ATTRACTOR_MAX, ATTRACTOR_MAX);
             }
             let log_k = DMatrix::from_fn(d, d, |row, col| {
                 log_k[packed_index(row, col)] * self.scales.log_stiffness
@@ -240,6 +234,42 @@ impl ParameterMap {
         }
         policy.sealed()
     }
+}
+
+/// `base`, in which what is not in use is zero, so that equal policies have equal digests wherever the base
+/// came from.
+pub(crate) fn tidied(base: &PolicyMsg) -> PolicyMsg {
+    let mut base = *base;
+    base.components[base.n_components as usize..].fill(Component::ZERO);
+    let packed = packed_len(base.task_dim as usize);
+    base.components.iter_mut().for_each(|component| component.stiffness[packed..].fill(0.0));
+    base
+}
+
+/// That `policy` is valid and has the shape of `base`.
+pub(crate) fn check_shape(base: &PolicyMsg, policy: &PolicyMsg) -> Result<(), ParameterError> {
+    policy.validate()?;
+    if (policy.task_dim, policy.n_components) != (base.task_dim, base.n_components) {
+        return Err(ParameterError::Shape {
+            found_dim: policy.task_dim,
+            found: policy.n_components,
+            task_dim: base.task_dim,
+            components: base.n_components,
+        });
+    }
+    Ok(())
+}
+
+/// A box of `dim` parameters that ends beyond what any θ reaches.
+pub(crate) fn no_end(dim: usize) -> Bounds {
+    Bounds { min: DVector::from_element(dim, -NO_END), max: DVector::from_element(dim, NO_END) }
+}
+
+/// The smallest and the largest of `values`.
+pub(crate) fn extent(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
+        (low.min(value), high.max(value))
+    })
 }
 
 /// Entries of the lower triangle of a d×d matrix.

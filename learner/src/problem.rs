@@ -7,10 +7,10 @@ use shm_types::policy::PolicyMsg;
 
 use crate::config::LearnerConfig;
 use crate::demonstration::Demonstration;
+use crate::encoding::{self, Encoding};
 use crate::error::LearnerError;
 use crate::exploration::{Column, ExplorationKind, directions};
-use crate::initial_policy::initial_policy;
-use crate::parameters::{ParameterMap, PolicyIds};
+use crate::parameters::PolicyIds;
 use crate::prediction::Predictor;
 #[cfg(feature = "session")]
 use crate::store::Added;
@@ -19,7 +19,7 @@ use search::{Search, Space};
 /// A configured search problem; the same for a session and for a study without one.
 #[derive(Clone)]
 pub struct Problem {
-    encoding: Encoding,
+    policies: Policies,
     /// One for each demonstration, or that of the action.
     pub spaces: Vec<Space>,
     /// The rollouts after which each of them joined; 0 for those the session began with.
@@ -28,9 +28,9 @@ pub struct Problem {
 
 /// How θ becomes a policy.
 #[derive(Clone)]
-enum Encoding {
-    /// Eq. (5): attractors and stiffnesses, scaled.
-    Springs(Arc<ParameterMap>),
+enum Policies {
+    /// Of an arm that was shown a movement.
+    Arm(Arc<Encoding>),
     /// Sec. 4.2: θ is the action.
     Action,
 }
@@ -41,8 +41,9 @@ impl Problem {
         config: &LearnerConfig,
         demonstrations: &[Demonstration],
     ) -> Result<Problem, LearnerError> {
-        let initial = initial_policy(&demonstrations[0], &config.initial_policy());
-        Problem::around(&initial, config, demonstrations)
+        let first = config.demonstrations_are.starts(demonstrations).next();
+        let first = first.expect("at least one demonstration");
+        Problem::around(&encoding::fit(&config.encoding(), first), config, demonstrations)
     }
 
     /// Starts from `initial`, the policy that was fitted to the first of `demonstrations`, and from
@@ -54,20 +55,16 @@ impl Problem {
     ) -> Result<Problem, LearnerError> {
         if demonstrations.is_empty() {
             let spaces = vec![config.action.space()];
-            return Ok(Problem { encoding: Encoding::Action, spaces, joined: vec![0] });
+            return Ok(Problem { policies: Policies::Action, spaces, joined: vec![0] });
         }
-        let map = ParameterMap::new(initial, config.scales)?;
+        let encoding = Encoding::new(initial, config.encoding())?;
         let mut spaces = Vec::new();
-        for demonstration in demonstrations {
-            let start = if spaces.is_empty() {
-                *initial
-            } else {
-                initial_policy(demonstration, &config.initial_policy())
-            };
-            spaces.push(space(&start, &map, config, demonstration)?);
+        for shown in config.demonstrations_are.starts(demonstrations) {
+            let start = if spaces.is_empty() { *initial } else { encoding.refit(shown) };
+            spaces.push(space(&start, &encoding, config, shown)?);
         }
         let joined = vec![0; spaces.len()];
-        Ok(Problem { encoding: Encoding::Springs(Arc::new(map)), spaces, joined })
+        Ok(Problem { policies: Policies::Arm(Arc::new(encoding)), spaces, joined })
     }
 
     /// The same problem with the starts that were `added` to it since.
@@ -79,21 +76,20 @@ impl Problem {
     ) -> Result<Problem, LearnerError> {
         for Added { after, file, text, .. } in added {
             let misfit = |reason: String| LearnerError::Added { file: file.clone(), reason };
-            let Encoding::Springs(map) = &self.encoding else {
+            let Policies::Arm(encoding) = &self.policies else {
                 return Err(misfit("this task has no arm that could be shown a movement".into()));
             };
             let parsed = Demonstration::parse(file, text);
-            let demonstration = parsed.map_err(|error| misfit(error.to_string()))?;
-            let start = initial_policy(&demonstration, &config.initial_policy());
-            let lasts_s = map.decode(&self.spaces[0].theta_0, PolicyIds::default()).duration_s;
-            if (start.duration_s - lasts_s).abs() > 1e-6 {
+            let shown = [parsed.map_err(|error| misfit(error.to_string()))?];
+            let found_s = shown[0].duration_s();
+            let lasts_s = encoding.decode(&self.spaces[0].theta_0, PolicyIds::default()).duration_s;
+            if (found_s - lasts_s).abs() > 1e-6 {
                 return Err(misfit(format!(
-                    "it lasts {:.2} s, and the policies of this session {lasts_s:.2} s: make it \
-                     as long, they share their clock",
-                    start.duration_s
+                    "it lasts {found_s:.2} s, and the policies of this session {lasts_s:.2} s: make \
+                     it as long, they share their clock"
                 )));
             }
-            self.spaces.push(space(&start, map, config, &demonstration)?);
+            self.spaces.push(space(&encoding.refit(&shown), encoding, config, &shown)?);
             self.joined.push(*after);
         }
         Ok(self)
@@ -111,11 +107,11 @@ impl Problem {
 
     /// The same problem, where the task can compute some of its measures.
     pub fn with_prediction(self, config: &LearnerConfig, predictor: Option<Predictor>) -> Problem {
-        let (Some(predictor), Encoding::Springs(map)) = (predictor, &self.encoding) else {
+        let (Some(predictor), Policies::Arm(encoding)) = (predictor, &self.policies) else {
             return self;
         };
-        let (targets, map) = (config.search.targets().to_vec(), Arc::clone(map));
-        let decode = move |theta: &DVector<f64>| map.decode(theta, PolicyIds::default());
+        let (targets, encoding) = (config.search.targets().to_vec(), Arc::clone(encoding));
+        let decode = move |theta: &DVector<f64>| encoding.decode(theta, PolicyIds::default());
         let prediction = predictor.along(targets, decode);
         let with = |space| Space { prediction: Some(prediction.clone()), ..space };
         Problem { spaces: self.spaces.into_iter().map(with).collect(), ..self }
@@ -130,9 +126,9 @@ impl Problem {
     /// The sealed policy of θ.
     pub fn decode(&self, theta: &DVector<f64>, ids: PolicyIds) -> PolicyMsg {
         let PolicyIds { session, rollout, policy_id } = ids;
-        match &self.encoding {
-            Encoding::Springs(map) => map.decode(theta, ids),
-            Encoding::Action => {
+        match &self.policies {
+            Policies::Arm(encoding) => encoding.decode(theta, ids),
+            Policies::Action => {
                 let policy = PolicyMsg::of_action(theta.as_slice());
                 PolicyMsg { session, rollout, policy_id, ..policy }.sealed()
             }
@@ -152,30 +148,24 @@ impl Problem {
     }
 }
 
-/// Where the search from one demonstration begins, and along which directions it goes.
+/// Where the search from what was `shown` begins, and along which directions it goes.
 fn space(
     start: &PolicyMsg,
-    map: &ParameterMap,
+    encoding: &Encoding,
     config: &LearnerConfig,
-    demonstration: &Demonstration,
+    shown: &[Demonstration],
 ) -> Result<Space, LearnerError> {
-    let theta_0 = map.encode(start)?;
+    let theta_0 = encoding.encode(start)?;
     Ok(match config.exploration.kind {
         ExplorationKind::White => Space::white(theta_0),
         ExplorationKind::Demonstration => {
-            let columns = directions(
-                start,
-                map,
-                &config.exploration,
-                &config.initial_policy(),
-                demonstration,
-            )?;
-            let bounds = map.near(start, config.exploration.attractor_reach_m);
+            let columns = directions(start, encoding, &config.exploration, shown)?;
+            let bounds = encoding.near(start, config.exploration.attractor_reach_m);
             Space {
                 directions: columns.iter().map(|(_, direction)| *direction).collect(),
-                known: config.compliance.known(start, map),
+                known: encoding.springs().and_then(|map| config.compliance.known(start, map)),
                 bounds: Some(bounds),
-                ..Space::along(theta_0, matrix(map.dim(), &columns))?
+                ..Space::along(theta_0, matrix(encoding.dim(), &columns))?
             }
         }
     })

@@ -9,6 +9,7 @@ mod contender;
 mod cost;
 mod disturbance;
 mod drift;
+mod encodings;
 mod figures;
 mod landscape;
 mod literal;
@@ -201,6 +202,12 @@ pub const STUDIES: &[Study] = &[
         "the settings drawn for each method of the study robots",
         1,
         robots::run_tuning_seed,
+    ),
+    table_of(
+        "encodings",
+        "every encoding of a skill on tasks with an arm and on the obstacle",
+        1,
+        encodings::run_seed,
     ),
     table_of(
         "peers",

@@ -18,7 +18,7 @@ use super::tasks::{aims, learn};
 use crate::config::Config;
 use crate::config::plant::DynamicsKind;
 
-const ROLLOUTS: u64 = 100;
+pub const ROLLOUTS: u64 = 100;
 /// Settings drawn for each comparator and task.
 const N_SETTINGS: u64 = 8;
 /// What a unit of mean reward counts beside the share of successes: it decides between equal shares only.
@@ -139,7 +139,8 @@ fn successes(trials: &[Trial]) -> f64 {
     trials.iter().filter(|trial| trial.success).count() as f64
 }
 
-fn summary(method: &str, task: &str, trials: &[Trial]) -> Vec<Sample> {
+/// What a session of [`ROLLOUTS`] came to.
+pub fn summary(method: &str, task: &str, trials: &[Trial]) -> Vec<Sample> {
     let metric = |name: &str| format!("{task}: {name}");
     let first = trials.iter().find(|trial| trial.success).map(|trial| trial.rollout as f64);
     vec![

@@ -98,6 +98,12 @@ impl Config {
                 self.learner.compliance.weight
             );
         }
+        if !task.has_arm() && !self.learner.encoding.is_springs() {
+            bail!(
+                "learner.encoding is {}: the task {name} has no arm that is shown a movement; leave it out",
+                self.learner.encoding.name()
+            );
+        }
         let found = self.learner.action.start.len();
         if found != expected {
             bail!("learner.action.start has {found} numbers: the task {name} takes {expected}");

@@ -21,7 +21,7 @@ pub mod executor;
 /// The modules, and all tasks in the order in which people see them.
 macro_rules! tasks {
     ($($name:ident),* $(,)?) => {
-        $(mod $name;)*
+        $(pub mod $name;)*
         pub const ALL: &[&Task] = &[$(&$name::TASK),*];
     };
 }

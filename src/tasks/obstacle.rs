@@ -28,8 +28,8 @@ pub const TASK: Task = Task {
 };
 
 /// Steps of a rollout, and their length, s.
-const STEPS: usize = 200;
-const PERIOD: f64 = 0.01;
+pub const STEPS: usize = 200;
+pub const PERIOD: f64 = 0.01;
 /// Where the hand starts; the goal is the origin. m.
 const START: Vector2<f64> = Vector2::new(-0.6, 0.0);
 /// The obstacle's middle and radius, m.
@@ -90,22 +90,28 @@ struct Obstacle {
     form: Form,
 }
 
-impl Obstacle {
-    /// The hand after every step, and how near it came to the obstacle, m: negative once it ran into it,
-    /// where it stays.
-    fn roll(&self, action: &[f64]) -> (Vec<Vector2<f64>>, f64) {
-        let attractors: Vec<(Vector2<f64>, Matrix2<f64>)> = action
-            .chunks_exact(2 + self.form.numbers())
-            .map(|part| (Vector2::new(part[0], part[1]), self.form.stiffness(&part[2..])))
-            .collect();
+/// The way that was shown, after so many steps: straight, with the least jerk. m.
+pub fn shown(steps: usize) -> Vector2<f64> {
+    let u = steps as f64 / STEPS as f64;
+    START * (1.0 - u * u * u * (10.0 - 15.0 * u + 6.0 * u * u))
+}
+
+/// What became of a hand.
+pub struct Way {
+    /// Where it was after every step, m.
+    places: Vec<Vector2<f64>>,
+    /// How near it came to the obstacle, m: negative once it ran into it, where it stays.
+    clearance: f64,
+}
+
+impl Way {
+    /// That of a hand at rest at the start, which `accelerates` as the number of the step, its place, m, and its
+    /// velocity, m/s, say, m/s².
+    pub fn of(accelerates: impl Fn(usize, &Vector2<f64>, &Vector2<f64>) -> Vector2<f64>) -> Way {
         let (mut x, mut xd, mut clearance) = (START, Vector2::zeros(), f64::INFINITY);
-        let mut way = Vec::with_capacity(STEPS);
+        let mut places = Vec::with_capacity(STEPS);
         for step in 0..STEPS {
-            let share = step as f64 / STEPS as f64;
-            let h = CENTRES.map(|centre| (-0.5 * ((share - centre) / WIDTH).powi(2)).exp());
-            let pulls = attractors.iter().zip(h).map(|((mu, k), h)| k * (mu - x) * h);
-            let xdd = pulls.sum::<Vector2<f64>>() / h.iter().sum::<f64>() - xd * DAMPING;
-            xd += xdd * PERIOD;
+            xd += accelerates(step, &x, &xd) * PERIOD;
             let next = x + xd * PERIOD;
             if clearance >= 0.0 {
                 clearance = clearance.min((next - CENTRE).norm() - RADIUS);
@@ -113,16 +119,38 @@ impl Obstacle {
             if clearance >= 0.0 {
                 x = next;
             }
-            way.push(x);
+            places.push(x);
         }
-        (way, clearance)
+        Way { places, clearance }
+    }
+
+    pub fn measured(&self) -> [Measured; 4] {
+        let steps = self.places.iter().enumerate();
+        let near = steps.map(|(i, x)| (-(x - shown(i + 1)).norm() / LENGTH).exp());
+        let tracking = near.sum::<f64>() / STEPS as f64;
+        let collided = f64::from(u8::from(self.clearance < 0.0));
+        [
+            Measured { name: "tracking", unit: "1", value: tracking },
+            Measured { name: "goal_m", unit: "m", value: self.places[STEPS - 1].norm() },
+            Measured { name: "clearance_m", unit: "m", value: self.clearance },
+            Measured { name: "collided", unit: TRUTH, value: collided },
+        ]
     }
 }
 
-/// The way that was shown: straight, with the least jerk.
-fn shown(step: usize) -> Vector2<f64> {
-    let u = (step + 1) as f64 / STEPS as f64;
-    START * (1.0 - u * u * u * (10.0 - 15.0 * u + 6.0 * u * u))
+impl Obstacle {
+    fn way(&self, action: &[f64]) -> Way {
+        let attractors: Vec<(Vector2<f64>, Matrix2<f64>)> = action
+            .chunks_exact(2 + self.form.numbers())
+            .map(|part| (Vector2::new(part[0], part[1]), self.form.stiffness(&part[2..])))
+            .collect();
+        Way::of(|step, x, xd| {
+            let share = step as f64 / STEPS as f64;
+            let h = CENTRES.map(|centre| (-0.5 * ((share - centre) / WIDTH).powi(2)).exp());
+            let pulls = attractors.iter().zip(h).map(|((mu, k), h)| k * (mu - x) * h);
+            pulls.sum::<Vector2<f64>>() / h.iter().sum::<f64>() - xd * DAMPING
+        })
+    }
 }
 
 impl ActionWorld for Obstacle {
@@ -131,22 +159,13 @@ impl ActionWorld for Obstacle {
     }
 
     fn measure(&self, action: &[f64]) -> Vec<Measured> {
-        let (way, clearance) = self.roll(action);
-        let near = way.iter().enumerate().map(|(i, x)| (-(x - shown(i)).norm() / LENGTH).exp());
-        let tracking = near.sum::<f64>() / STEPS as f64;
-        let collided = f64::from(u8::from(clearance < 0.0));
-        vec![
-            Measured { name: "tracking", unit: "1", value: tracking },
-            Measured { name: "goal_m", unit: "m", value: way[STEPS - 1].norm() },
-            Measured { name: "clearance_m", unit: "m", value: clearance },
-            Measured { name: "collided", unit: TRUTH, value: collided },
-        ]
+        self.way(action).measured().into()
     }
 
     fn path(&self, action: &[f64], period_s: f64) -> Vec<Vector3<f64>> {
-        let (way, _) = self.roll(action);
+        let Way { places, .. } = self.way(action);
         let n = (STEPS as f64 * PERIOD / period_s) as usize;
-        (0..n).map(|i| way[(i as f64 * period_s / PERIOD) as usize].push(0.0)).collect()
+        (0..n).map(|i| places[(i as f64 * period_s / PERIOD) as usize].push(0.0)).collect()
     }
 }
 

@@ -9,12 +9,10 @@ use nalgebra::DVector;
 use shm_types::policy::{PolicyMsg, packed_index};
 use thiserror::Error;
 
-use super::{
-    Column, ExplorationConfig, ExplorationError, N_POSITIONS, NO_CHANGE, Peak, StiffnessKind,
-};
+use super::{Column, ExplorationConfig, ExplorationError, NO_CHANGE, Peak, StiffnessKind};
 use crate::activation::Activation;
 use crate::demonstration::Demonstration;
-use crate::parameters::ParameterMap;
+use crate::parameters::{N_POSITIONS, ParameterMap};
 use search::Direction;
 
 /// Two peaks are two where the movement between them comes back below this part of the excursion, and the

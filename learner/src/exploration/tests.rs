@@ -2,6 +2,8 @@
 
 use super::*;
 use crate::LearnerConfig;
+use crate::initial_policy::initial_policy;
+use crate::parameters::ParameterMap;
 use crate::problem::Problem;
 use search::Space;
 
@@ -95,7 +97,7 @@ fn one_unit_along_a_direction_is_the_altered_demonstration() {
     let (config, pancake) = (config(4), pancake());
     let problem = Problem::new(&config, std::slice::from_ref(&pancake)).unwrap();
     let altered = alterations(&pancake, &config.exploration).swap_remove(0);
-    let refitted = initial_policy(&pancake.with_poses(altered), &config.initial_policy());
+    let refitted = initial_policy(&altered, &config.initial_policy());
     let theta = &problem.spaces[0].theta_0 + problem.spaces[0].exploration.column(0);
     let initial = initial_policy(&pancake, &config.initial_policy());
     let map = ParameterMap::new(&initial, config.scales).unwrap();
