@@ -132,6 +132,8 @@ impl LearnerConfig {
         let mut config = LearnerConfig { encoding, ..self };
         if !encoding.is_springs() {
             config.compliance = ComplianceConfig::off();
+        }
+        if !encoding.has_stiffness() {
             config.exploration.stiffness = StiffnessKind::Fixed;
         }
         if encoding == EncodingKind::Dmp {
@@ -142,36 +144,45 @@ impl LearnerConfig {
 
     /// That nothing is asked of the encoding which it does not have.
     fn check_encoding(&self) -> Result<(), ConfigError> {
-        if self.encoding.is_springs() && self.demonstrations_are.is_starts() {
-            return Ok(());
-        }
-        let Self { compliance, exploration, demonstrations_are, .. } = self;
-        let refused = [
+        let (encoding, stiffness) = (self.encoding, self.exploration.stiffness);
+        let asked = [
             (
                 "compliance.weight",
-                !self.encoding.is_springs() && compliance.pays(),
-                compliance.weight.to_string(),
+                !encoding.is_springs() && self.compliance.pays(),
+                self.compliance.weight.to_string(),
                 "0",
             ),
             (
                 "exploration.stiffness",
-                !self.encoding.has_stiffness() && exploration.stiffness != StiffnessKind::Fixed,
-                format!("{:?}", exploration.stiffness).to_lowercase(),
+                !encoding.has_stiffness() && stiffness != StiffnessKind::Fixed,
+                format!("{stiffness:?}").to_lowercase(),
                 "fixed",
             ),
             (
+                "damping_ratio",
+                !encoding.has_activation() && self.damping_ratio != 0.0,
+                self.damping_ratio.to_string(),
+                "0",
+            ),
+            (
+                "activation",
+                !encoding.has_activation() && self.activation != Activation::Time,
+                "decay".into(),
+                "time",
+            ),
+            (
                 "demonstrations_are",
-                !self.encoding.fits_several() && !demonstrations_are.is_starts(),
+                !encoding.fits_several() && !self.demonstrations_are.is_starts(),
                 "repetitions".into(),
                 "starts",
             ),
         ];
-        match refused.into_iter().find(|(_, asks, ..)| *asks) {
+        match asked.into_iter().find(|(_, is_missing, ..)| *is_missing) {
             None => Ok(()),
             Some((field, _, value, allowed)) => Err(ConfigError::Range {
                 field: field.into(),
                 value,
-                allowed: format!("{allowed} with learner.encoding = \"{}\"", self.encoding.name()),
+                allowed: format!("{allowed} with learner.encoding = \"{}\"", encoding.name()),
             }),
         }
     }

@@ -6,16 +6,26 @@
 //! lie along smooth directions in θ.
 
 pub mod dmp;
+pub mod gmr;
+pub mod seds;
+mod time;
+pub mod tsm;
 
+use imitation::gmm::GmmError;
+use imitation::stable::StableError;
 use nalgebra::DVector;
 use search::Bounds;
 use serde::{Deserialize, Serialize};
 use shm_types::policy::PolicyMsg;
+use thiserror::Error;
 
 use crate::demonstration::Demonstration;
 use crate::initial_policy::{InitialPolicyConfig, initial_policy};
 use crate::parameters::{ParameterError, ParameterMap, PolicyIds, Scales};
 use dmp::Dmp;
+use gmr::Gmr;
+use seds::Seds;
+use tsm::Tsm;
 
 /// Which encoding a session learns.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -26,10 +36,22 @@ pub enum EncodingKind {
     Springs,
     /// Eq. (3): a goal, and forces on a spring of constant stiffness.
     Dmp,
+    /// Gaussian mixture regression in time.
+    Gmr,
+    /// A stable field of the state.
+    Seds,
+    /// Takagi–Sugeno: local models of ẍ in x and ẋ, driven by time.
+    Tsm,
 }
 
 impl EncodingKind {
-    pub const ALL: [EncodingKind; 2] = [EncodingKind::Springs, EncodingKind::Dmp];
+    pub const ALL: [EncodingKind; 5] = [
+        EncodingKind::Springs,
+        EncodingKind::Dmp,
+        EncodingKind::Gmr,
+        EncodingKind::Seds,
+        EncodingKind::Tsm,
+    ];
 
     /// Whether it is [`EncodingKind::Springs`], as every session stored before there was a choice.
     pub fn is_springs(&self) -> bool {
@@ -38,7 +60,12 @@ impl EncodingKind {
 
     /// Whether there are stiffness matrices in θ.
     pub fn has_stiffness(self) -> bool {
-        self == EncodingKind::Springs
+        matches!(self, EncodingKind::Springs | EncodingKind::Tsm)
+    }
+
+    /// Whether what drives the activations is chosen by `activation`.
+    pub fn has_activation(self) -> bool {
+        matches!(self, EncodingKind::Springs | EncodingKind::Dmp)
     }
 
     /// Whether one policy can be fitted to several demonstrations.
@@ -51,6 +78,9 @@ impl EncodingKind {
         match self {
             EncodingKind::Springs => "springs",
             EncodingKind::Dmp => "dmp",
+            EncodingKind::Gmr => "gmr",
+            EncodingKind::Seds => "seds",
+            EncodingKind::Tsm => "tsm",
         }
     }
 }
@@ -63,13 +93,36 @@ pub struct EncodingConfig {
     pub scales: Scales,
 }
 
+/// Why no policy can be fitted to demonstrations.
+#[derive(Debug, Error, PartialEq)]
+pub enum FitError {
+    #[error("no regression in time of {files}: {error}; the components are learner.n_components")]
+    Gmr { files: String, error: GmmError },
+    #[error(
+        "no stable field of {files}: {error}; the components are learner.n_components, and any other \
+         learner.encoding than seds is driven by time"
+    )]
+    Seds { files: String, error: StableError },
+}
+
 /// The policy a session starts from, fitted to `demonstrations`, at least one. The message is sealed, without
 /// session and rollout.
-pub fn fit(config: &EncodingConfig, demonstrations: &[Demonstration]) -> PolicyMsg {
+pub fn fit(
+    config: &EncodingConfig,
+    demonstrations: &[Demonstration],
+) -> Result<PolicyMsg, FitError> {
+    let files = || {
+        let names: Vec<&str> = demonstrations.iter().map(Demonstration::file).collect();
+        names.join(", ")
+    };
+    let policy = &config.policy;
     match config.kind {
-        EncodingKind::Springs | EncodingKind::Dmp => {
-            initial_policy(&demonstrations[0], &config.policy)
-        }
+        EncodingKind::Springs | EncodingKind::Dmp => Ok(initial_policy(&demonstrations[0], policy)),
+        EncodingKind::Gmr => gmr::fit(demonstrations, policy)
+            .map_err(|error| FitError::Gmr { files: files(), error }),
+        EncodingKind::Seds => seds::fit(demonstrations, policy)
+            .map_err(|error| FitError::Seds { files: files(), error }),
+        EncodingKind::Tsm => Ok(tsm::fit(demonstrations, policy)),
     }
 }
 
@@ -84,6 +137,9 @@ pub struct Encoding {
 enum Map {
     Springs(ParameterMap),
     Dmp(Dmp),
+    Gmr(Gmr),
+    Seds(Seds),
+    Tsm(Box<Tsm>),
 }
 
 impl Encoding {
@@ -92,6 +148,9 @@ impl Encoding {
         let map = match config.kind {
             EncodingKind::Springs => Map::Springs(ParameterMap::new(base, config.scales)?),
             EncodingKind::Dmp => Map::Dmp(Dmp::new(base, config.scales)?),
+            EncodingKind::Gmr => Map::Gmr(Gmr::new(base, config.scales)?),
+            EncodingKind::Seds => Map::Seds(Seds::new(base, config.scales)?),
+            EncodingKind::Tsm => Map::Tsm(Box::new(Tsm::new(base, config.scales)?)),
         };
         Ok(Encoding { config, map })
     }
@@ -102,14 +161,33 @@ impl Encoding {
             Map::Springs(_) | Map::Dmp(_) => {
                 initial_policy(&demonstrations[0], &self.config.policy)
             }
+            Map::Gmr(map) => map.refit(demonstrations),
+            Map::Seds(map) => map.refit(demonstrations),
+            Map::Tsm(map) => map.refit(demonstrations),
         }
     }
 
-    /// The map of springs that have a stiffness each; `None` for an encoding without them.
-    pub fn springs(&self) -> Option<&ParameterMap> {
+    /// What a refit to an altered demonstration differs from: `initial`, which was fitted to `demonstrations`, or
+    /// their refit, where a field that was searched for is only regressed again.
+    pub fn unaltered(&self, initial: &PolicyMsg, demonstrations: &[Demonstration]) -> PolicyMsg {
         match &self.map {
-            Map::Springs(map) => Some(map),
-            Map::Dmp(_) => None,
+            Map::Seds(map) => map.refit(demonstrations),
+            _ => *initial,
+        }
+    }
+
+    /// Whether its policies are springs for the loop, whatever θ holds of them.
+    pub fn drives_springs(&self) -> bool {
+        matches!(self.map, Map::Springs(_) | Map::Dmp(_))
+    }
+
+    /// The springs in `policy` whose stiffness is learnt, and their map: θ begins with theirs. `None` for an
+    /// encoding without stiffness.
+    pub fn springs(&self, policy: &PolicyMsg) -> Option<(PolicyMsg, &ParameterMap)> {
+        match &self.map {
+            Map::Springs(map) => Some((*policy, map)),
+            Map::Tsm(map) => Some((map.springs(policy), map.map())),
+            Map::Dmp(_) | Map::Gmr(_) | Map::Seds(_) => None,
         }
     }
 
@@ -118,6 +196,9 @@ impl Encoding {
         match &self.map {
             Map::Springs(map) => map.dim(),
             Map::Dmp(map) => map.dim(),
+            Map::Gmr(map) => map.dim(),
+            Map::Seds(map) => map.dim(),
+            Map::Tsm(map) => map.dim(),
         }
     }
 
@@ -126,6 +207,9 @@ impl Encoding {
         match &self.map {
             Map::Springs(map) => map.encode(policy),
             Map::Dmp(map) => map.encode(policy),
+            Map::Gmr(map) => map.encode(policy),
+            Map::Seds(map) => map.encode(policy),
+            Map::Tsm(map) => map.encode(policy),
         }
     }
 
@@ -137,6 +221,9 @@ impl Encoding {
         match &self.map {
             Map::Springs(map) => map.decode(theta, ids),
             Map::Dmp(map) => map.decode(theta, ids),
+            Map::Gmr(map) => map.decode(theta, ids),
+            Map::Seds(map) => map.decode(theta, ids),
+            Map::Tsm(map) => map.decode(theta, ids),
         }
     }
 
@@ -146,6 +233,9 @@ impl Encoding {
         match &self.map {
             Map::Springs(map) => map.near(policy, reach_m),
             Map::Dmp(map) => map.near(policy, reach_m),
+            Map::Gmr(map) => map.near(policy, reach_m),
+            Map::Seds(map) => map.near(policy, reach_m),
+            Map::Tsm(map) => map.near(policy, reach_m),
         }
     }
 }

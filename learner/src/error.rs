@@ -5,6 +5,7 @@ use shm_types::episode::EpisodeError;
 use shm_types::episode::{FAULT_APPROACH_TIMEOUT, FAULT_OVERRUN};
 use thiserror::Error;
 
+use crate::encoding::FitError;
 use crate::exploration::ExplorationError;
 use crate::expression::ParseError;
 #[cfg(feature = "session")]
@@ -23,6 +24,8 @@ pub enum LearnerError {
     Config(#[from] ConfigError),
     #[error(transparent)]
     Parameters(#[from] ParameterError),
+    #[error(transparent)]
+    Fit(#[from] FitError),
     #[error(transparent)]
     Directions(#[from] DirectionsError),
     #[error(transparent)]

@@ -161,7 +161,7 @@ pub(crate) fn directions(
     config: &ExplorationConfig,
     demonstrations: &[Demonstration],
 ) -> Result<Vec<Column>, ExplorationError> {
-    let theta_0 = encoding.encode(initial)?;
+    let theta_0 = encoding.encode(&encoding.unaltered(initial, demonstrations))?;
     let altered: Vec<Vec<Demonstration>> =
         demonstrations.iter().map(|one| alterations(one, config)).collect();
     let mut columns = Vec::new();
@@ -171,8 +171,11 @@ pub(crate) fn directions(
         let direction = Direction { grows, late: false };
         columns.push((encoding.encode(&encoding.refit(&set))? - &theta_0, direction));
     }
-    if let Some(map) = encoding.springs() {
-        columns.extend(stiffness::columns(initial, map, config, &demonstrations[0])?);
+    if let Some((springs, map)) = encoding.springs(initial) {
+        let of_springs = stiffness::columns(&springs, map, config, &demonstrations[0])?;
+        let dim = encoding.dim();
+        let whole = |(change, direction): Column| (change.resize_vertically(dim, 0.0), direction);
+        columns.extend(of_springs.into_iter().map(whole));
     }
     columns.retain(|(change, _)| change.amax() > NO_CHANGE);
     Ok(columns)

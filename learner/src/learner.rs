@@ -74,7 +74,7 @@ impl Learner {
         meta.learner.validate()?;
         let meta = SessionMeta { measures: judge.declared(), ..meta };
         let (policy, source) = match meta.learner.demonstrations_are.starts(demonstrations).next() {
-            Some(shown) => (encoding::fit(&meta.learner.encoding(), shown), shown[0].file()),
+            Some(shown) => (encoding::fit(&meta.learner.encoding(), shown)?, shown[0].file()),
             None => (PolicyMsg::of_action(&meta.learner.action.start).sealed(), "an action"),
         };
         let (session, policy_id) = (meta.session_id, INITIAL_POLICY_ID);

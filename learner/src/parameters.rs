@@ -89,6 +89,14 @@ pub enum ParameterError {
          learner.encoding = \"springs\" for policies that differ in stiffness"
     )]
     OtherStiffness { component: usize },
+    #[error(
+        "the policy has another certificate than the session, or none: its certificate and following are kept"
+    )]
+    NoCertificate,
+    #[error(
+        "system {system}: it decays at {value} s⁻¹ in the measure of its certificate: at more than 0"
+    )]
+    Rate { system: usize, value: f64 },
 }
 
 /// No `#[from]`: the text holds the cause, and a chain would repeat it.

@@ -43,7 +43,7 @@ impl Problem {
     ) -> Result<Problem, LearnerError> {
         let first = config.demonstrations_are.starts(demonstrations).next();
         let first = first.expect("at least one demonstration");
-        Problem::around(&encoding::fit(&config.encoding(), first), config, demonstrations)
+        Problem::around(&encoding::fit(&config.encoding(), first)?, config, demonstrations)
     }
 
     /// Starts from `initial`, the policy that was fitted to the first of `demonstrations`, and from
@@ -105,11 +105,14 @@ impl Problem {
         self.joined.last().copied().unwrap_or(0)
     }
 
-    /// The same problem, where the task can compute some of its measures.
+    /// The same problem, where the task can compute some of its measures: from springs.
     pub fn with_prediction(self, config: &LearnerConfig, predictor: Option<Predictor>) -> Problem {
         let (Some(predictor), Policies::Arm(encoding)) = (predictor, &self.policies) else {
             return self;
         };
+        if !encoding.drives_springs() {
+            return self;
+        }
         let (targets, encoding) = (config.search.targets().to_vec(), Arc::clone(encoding));
         let decode = move |theta: &DVector<f64>| encoding.decode(theta, PolicyIds::default());
         let prediction = predictor.along(targets, decode);
@@ -163,7 +166,10 @@ fn space(
             let bounds = encoding.near(start, config.exploration.attractor_reach_m);
             Space {
                 directions: columns.iter().map(|(_, direction)| *direction).collect(),
-                known: encoding.springs().and_then(|map| config.compliance.known(start, map)),
+                // It pays for springs alone.
+                known: encoding
+                    .springs(start)
+                    .and_then(|(springs, map)| config.compliance.known(&springs, map)),
                 bounds: Some(bounds),
                 ..Space::along(theta_0, matrix(encoding.dim(), &columns))?
             }

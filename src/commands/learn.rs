@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, bail};
 use learner::compliance::ComplianceConfig;
 use learner::learner::judged_by as judged_by_so_far;
+use learner::problem::Problem;
 use learner::store::Store;
 use learner::summary::Summary as Achievement;
 use rt_controller::fault::Fault;
@@ -122,9 +123,13 @@ fn prepare(args: &LearnArgs) -> Result<(SessionFolder, Config)> {
         folder.expect_same_world(&config)?;
     }
     setup::arm_notes(&config)?.iter().for_each(|note| say(&format!("warning: {note}")));
-    setup::check(&config)?;
+    let demonstrations = setup::check(&config)?;
     judging::judge(&config)?;
     config.task.judge.as_ref().map_or(Ok(()), command::check)?;
+    if config.has_arm() && !Store::exists(&folder.database()) {
+        // What demonstrations do not allow is said before a process starts.
+        Problem::new(&config.learner, &demonstrations)?;
+    }
     if Store::exists(&folder.database()) {
         let session = || format!("session {}", folder.dir().display());
         let _lock = folder.lock()?;

@@ -6,6 +6,7 @@ use learner::demonstration::Demonstration;
 use learner::encoding::EncodingKind;
 use learner::exploration::ExplorationKind;
 use learner::problem::Problem;
+use learner::{LearnerConfig, LearnerError};
 use nalgebra::{Vector2, Vector6};
 use rt_controller::hot::policy::Policy;
 use rt_controller::hot::task_space::TaskState;
@@ -29,15 +30,43 @@ const OBSTACLE: &str = "obstacle";
 
 pub fn run_seed(seed: u64) -> Result<Vec<Sample>> {
     let mut samples = Vec::new();
+    let only = std::env::var("ENC").unwrap_or_default();
+    let tasks = std::env::var("TASK").unwrap_or_default();
     for encoding in EncodingKind::ALL {
+        if !only.is_empty() && !only.split(',').any(|o| o == encoding.name()) {
+            continue;
+        }
         for task in TASKS {
+            if !tasks.is_empty() && !tasks.split(',').any(|o| o == task) {
+                continue;
+            }
             let config = config(task, encoding, seed);
-            let learnt = learn(&config, |problem| problem.search(&config.learner))?;
-            samples.extend(summary(encoding.name(), task, &learnt.trials));
+            let learnt = learn(&config, |problem| problem.search(&config.learner));
+            samples.extend(match learnt {
+                Err(error) if is_no_fit(&error) => refused(encoding.name(), task),
+                learnt => summary(encoding.name(), task, &learnt?.trials),
+            });
+        }
+        if !tasks.is_empty() && !tasks.split(',').any(|o| o == OBSTACLE) {
+            continue;
         }
         samples.extend(summary(encoding.name(), OBSTACLE, &around_obstacle(encoding, seed)?));
     }
     Ok(samples)
+}
+
+/// A demonstration that the encoding cannot hold.
+fn is_no_fit(error: &anyhow::Error) -> bool {
+    matches!(error.downcast_ref(), Some(LearnerError::Fit(_)))
+}
+
+/// Where no session starts there is no success.
+fn refused(method: &str, task: &str) -> Vec<Sample> {
+    vec![
+        Sample::median(method, &format!("{task}: first success"), f64::INFINITY),
+        Sample::rate(method, &format!("{task}: success by {ROLLOUTS}"), false),
+        Sample::mean(method, &format!("{task}: success in the last 20"), 0.0),
+    ]
 }
 
 fn config(task: &str, encoding: EncodingKind, seed: u64) -> Config {
@@ -54,22 +83,43 @@ fn config(task: &str, encoding: EncodingKind, seed: u64) -> Config {
 fn around_obstacle(encoding: EncodingKind, seed: u64) -> Result<Vec<Trial>> {
     let config = config(OBSTACLE, encoding, seed);
     let judge = judging::judge(&config)?;
-    let mut learner = config.learner;
-    (learner.task_dim, learner.n_components, learner.kappa_p) = (3, 4, 100.0);
-    learner.exploration.kind = ExplorationKind::White;
-    // As in the task itself, a unit is a metre and a large change of stiffness.
-    (learner.scales.position_m, learner.scales.log_stiffness) = (1.0, 3.0);
+    let learner = hand(&config);
     let problem = Problem::new(&learner, &[straight()?])?;
     let mut search = problem.search(&learner);
     let executed = session(&mut *search, learner.rollouts, |_, theta| {
         let policy = problem.decode(theta, Default::default());
         let way = follow(&policy).measured().into_iter();
+        let way = way.inspect(|m| {
+            if std::env::var("DBG").is_ok() {
+                eprint!("{}={:.3} ", m.name, m.value);
+                if m.name == "collided" {
+                    eprintln!();
+                }
+            }
+        });
         let measures = way.map(|one| Measure { name: one.name, unit: one.unit, value: one.value });
         let header = EpisodeHeader { measures: Measures::of(measures)?, ..Default::default() };
         let (_, success, reward) = judge.judge(&policy, &header, &[])?;
         Ok((success, reward))
     })?;
     Ok(executed.into_iter().map(|executed| executed.trial).collect())
+}
+
+/// What a hand in the plane learns.
+fn hand(config: &Config) -> LearnerConfig {
+    let mut learner = config.learner.clone();
+    (learner.task_dim, learner.n_components, learner.kappa_p) = (3, 4, 100.0);
+    learner.exploration.kind = ExplorationKind::White;
+    // As in the task itself, a unit is a metre and a large change of stiffness.
+    (learner.scales.position_m, learner.scales.log_stiffness) = (1.0, 3.0);
+    let e = |n: &str, d: f64| std::env::var(n).ok().and_then(|v| v.parse().ok()).unwrap_or(d);
+    learner.n_components = e("NC", 4.0) as usize;
+    learner.scales.log_stiffness = e("LS", 3.0);
+    learner.scales.position_m = e("PM", 1.0);
+    let p = &mut learner.search.power;
+    p.initial_std = e("IS", p.initial_std);
+    p.floor_std = e("FS", p.floor_std);
+    learner
 }
 
 /// The straight way as a demonstration.
@@ -87,7 +137,7 @@ fn follow(policy: &PolicyMsg) -> Way {
     let policy = Policy::new(policy);
     let task = |of: &Vector2<f64>| Vector6::new(of.x, of.y, 0.0, 0.0, 0.0, 0.0);
     Way::of(|step, x, xd| {
-        let state = TaskState { x: task(x), xd: task(xd) };
+        let state = TaskState::at(task(x), task(xd));
         policy.command(step as f64 * PERIOD, &state).xdd.xy()
     })
 }
@@ -101,9 +151,8 @@ mod tests {
     #[test]
     fn every_fit_follows_the_straight_way_into_the_obstacle() {
         for encoding in EncodingKind::ALL {
-            let mut learner = config(OBSTACLE, encoding, 1).learner;
-            (learner.task_dim, learner.n_components, learner.kappa_p) = (3, 4, 100.0);
-            let policy = fit(&learner.encoding(), &[straight().unwrap()]);
+            let learner = hand(&config(OBSTACLE, encoding, 1));
+            let policy = fit(&learner.encoding(), &[straight().unwrap()]).unwrap();
             let [tracking, goal, _, collided] = follow(&policy).measured().map(|one| one.value);
             assert!(
                 collided == 1.0 && goal > 0.3 && tracking > 0.5,

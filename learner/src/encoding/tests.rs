@@ -1,5 +1,7 @@
 //! What holds for every encoding: a fit is a policy, θ and policy are two names for one thing, and no θ is refused.
 
+#![allow(non_snake_case)] // P
+
 use super::*;
 use crate::LearnerConfig;
 use crate::problem::Problem;
@@ -13,12 +15,28 @@ fn pancake() -> Demonstration {
     Demonstration::parse("pancake.csv", &text).expect("it is valid")
 }
 
+/// A movement that ends where it has not been before, in x, z and pitch.
+fn reach() -> Demonstration {
+    let n = pancake().poses().len();
+    let pose = |k: usize| {
+        let u = k as f64 / (n - 1) as f64;
+        let u = u * u * u * (10.0 - 15.0 * u + 6.0 * u * u);
+        [0.5 + 0.3 * u, 0.0, 0.6 + 0.2 * u * u, 0.4 * u, 0.0, 0.0]
+    };
+    pancake().with_poses((0..n).map(pose).collect())
+}
+
+/// One that a field of the state can follow, where it has to.
+fn shown(kind: EncodingKind) -> Demonstration {
+    if kind == EncodingKind::Seds { reach() } else { pancake() }
+}
+
 fn config(kind: EncodingKind, task_dim: usize) -> LearnerConfig {
     LearnerConfig { task_dim, ..LearnerConfig::default() }.encoded(kind)
 }
 
 fn encoding(config: &LearnerConfig) -> (Encoding, PolicyMsg) {
-    let policy = fit(&config.encoding(), &[pancake()]);
+    let policy = fit(&config.encoding(), &[shown(config.encoding)]).expect("it can be fitted");
     (Encoding::new(&policy, config.encoding()).expect("the fit is its base"), policy)
 }
 
@@ -48,17 +66,19 @@ fn the_fit_comes_back_from_its_theta() {
     }
 }
 
+/// As long as nothing has to be moved into its bounds.
 #[test]
 fn encode_inverts_decode() {
     for kind in EncodingKind::ALL {
         for task_dim in [3, 4, 6] {
             let encoding = encoding(&config(kind, task_dim));
             for seed in 0..20 {
-                let theta = around_fit(&encoding, seed, 1.0);
+                let theta = around_fit(&encoding, seed, 0.3);
                 let policy = encoding.0.decode(&theta, IDS);
                 assert_eq!(policy.validate(), Ok(()));
                 let back = encoding.0.encode(&policy).unwrap();
-                assert!((back - theta).amax() < 1e-6, "{kind:?}, {task_dim}, seed {seed}");
+                let error = (back - theta).amax();
+                assert!(error < 1e-6, "{kind:?}, {task_dim}, seed {seed}: {error}");
             }
         }
     }
@@ -81,22 +101,22 @@ fn every_theta_gives_a_valid_policy() {
 #[test]
 fn one_unit_along_a_direction_is_the_refit_to_an_altered_demonstration() {
     for kind in EncodingKind::ALL {
-        let config = config(kind, 4);
+        let (config, shown) = (config(kind, 4), shown(kind));
         let (encoding, policy) = encoding(&config);
-        let space = Problem::new(&config, &[pancake()]).unwrap().spaces.remove(0);
+        let space = Problem::new(&config, std::slice::from_ref(&shown)).unwrap().spaces.remove(0);
         assert_eq!(space.theta_0, encoding.encode(&policy).unwrap());
         assert!(space.bounds.as_ref().unwrap().contains(&space.theta_0), "{kind:?}");
-        let grown = pancake().poses().to_vec();
-        let start = grown[0];
-        let grown = grown.into_iter().map(|mut pose| {
-            (0..3).for_each(|c| {
-                pose[c] += config.exploration.position_amplitude * (pose[c] - start[c])
-            });
-            pose
+        let start = shown.poses()[0];
+        let grown = shown.poses().iter().map(|pose| {
+            let growth = config.exploration.position_amplitude;
+            std::array::from_fn(|c| match c < 3 {
+                true => pose[c] + growth * (pose[c] - start[c]),
+                false => pose[c],
+            })
         });
-        let refitted = encoding.refit(&[pancake().with_poses(grown.collect())]);
-        let theta = &space.theta_0 + space.exploration.column(0);
-        assert!((theta - encoding.encode(&refitted).unwrap()).amax() < 1e-9, "{kind:?}");
+        let theta = |shown: Demonstration| encoding.encode(&encoding.refit(&[shown])).unwrap();
+        let changed = theta(shown.with_poses(grown.collect())) - theta(shown.clone());
+        assert!((space.exploration.column(0) - changed).amax() < 1e-9, "{kind:?}");
     }
 }
 
@@ -158,4 +178,144 @@ fn without_forces_every_attractor_is_the_goal() {
     stiffer.components[2].stiffness[0] *= 2.0;
     let error = encoding.encode(&stiffer.sealed()).unwrap_err().to_string();
     assert!(error.starts_with("component 2: its stiffness"), "{error}");
+}
+
+/// A local model of the position alone has the eigenvalues of [0 I; −(K + W) −κᵛI].
+#[test]
+fn every_local_model_is_stable_whatever_theta_is() {
+    let encoding = encoding(&config(EncodingKind::Tsm, 4));
+    for (seed, std) in [(1, 0.0), (2, 1.0), (3, 10.0), (4, 100.0)] {
+        let policy = encoding.0.decode(&around_fit(&encoding, seed, std), IDS);
+        for system in policy.systems() {
+            let companion = nalgebra::DMatrix::from_fn(8, 8, |row, col| match (row < 4, col < 4) {
+                (true, true) => 0.0,
+                (true, false) => f64::from(u8::from(row == col - 4)),
+                (false, true) => system.of_position_at(row - 4, col),
+                (false, false) => system.of_velocity_at(row - 4, col - 4),
+            });
+            let eigenvalues = companion.complex_eigenvalues();
+            assert!(eigenvalues.iter().all(|value| value.re < 0.0), "{std}: {eigenvalues}");
+        }
+    }
+}
+
+/// Springs whose pull is not turned: with W = 0 the acceleration is that of Eq. (5).
+#[test]
+fn the_springs_in_a_model_are_those_of_its_theta() {
+    let (encoding, policy) = encoding(&config(EncodingKind::Tsm, 4));
+    let (springs, map) = encoding.springs(&policy).unwrap();
+    let theta = encoding.encode(&policy).unwrap();
+    assert_eq!(theta.rows(0, map.dim()), map.encode(&springs).unwrap());
+    assert_eq!(encoding.dim(), 8 * (4 + 16));
+    let (x, t_s) = ([0.7, 0.1, 0.8, 0.3], 0.5);
+    let h = crate::activation::policy_activations(&springs, t_s);
+    for (h, (system, spring)) in h.iter().zip(policy.systems().iter().zip(springs.components())) {
+        for row in 0..4 {
+            let pull = |col: usize| system.of_position_at(row, col) * x[col];
+            let found = h * (system.offset[row] + (0..4).map(pull).sum::<f64>());
+            let turned =
+                |col: usize| -system.of_position_at(row, col) * (spring.attractor[col] - x[col]);
+            let expected = h * (0..4).map(turned).sum::<f64>();
+            assert!((found - expected).abs() < 1e-9 * (1.0 + expected.abs()), "{found} {expected}");
+        }
+    }
+}
+
+#[test]
+fn a_stiffness_is_explored_where_there_is_one() {
+    for kind in EncodingKind::ALL.into_iter().filter(|kind| *kind != EncodingKind::Seds) {
+        let mut config = config(kind, 4);
+        if kind.has_stiffness() {
+            config.exploration.stiffness = crate::exploration::StiffnessKind::Uniform;
+        }
+        let n = if kind.has_stiffness() { 7 } else { 5 };
+        let space = Problem::new(&config, &[pancake()]).unwrap().spaces.remove(0);
+        assert_eq!(space.exploration.ncols(), n, "{kind:?}");
+    }
+}
+
+/// V falls at every rate and the loop can follow, whatever θ is.
+#[test]
+fn the_certificate_of_a_field_holds_for_every_theta() {
+    let encoding = encoding(&config(EncodingKind::Seds, 4));
+    for seed in 0..40 {
+        let std = 10_f64.powi(seed as i32 % 4 - 1);
+        let policy = encoding.0.decode(&around_fit(&encoding, seed, std), IDS);
+        let (systems, certificate) = certified(&policy);
+        let rate = certificate.check(&systems).unwrap_or_else(|error| panic!("{std}: {error}"));
+        assert!(rate > 0.99 * 2.0 * 0.01, "{std}: {rate}");
+        let needed = certificate.damping(&systems).unwrap();
+        assert!(needed < policy.following, "{std}: {needed}");
+    }
+}
+
+/// The field of a policy, for those who check certificates.
+fn certified(policy: &PolicyMsg) -> (imitation::Systems, imitation::stable::Certificate) {
+    let d = policy.task_dim as usize;
+    let square = |entry: &dyn Fn(usize, usize) -> f64| nalgebra::DMatrix::from_fn(d, d, entry);
+    let vector = |of: &[f64]| DVector::from_column_slice(&of[..d]);
+    let n = policy.systems().len();
+    let systems = imitation::Systems::new(
+        vec![1.0 / n as f64; n],
+        policy.systems().iter().map(|one| vector(&one.center)).collect(),
+        policy.systems().iter().map(|one| square(&|r, c| one.covariance_at(r, c))).collect(),
+        policy.systems().iter().map(|one| square(&|r, c| one.of_position_at(r, c))).collect(),
+        policy.systems().iter().map(|one| vector(&one.offset)).collect(),
+    );
+    let P = square(&|r, c| policy.certificate[shm_types::policy::packed_index(r, c)]);
+    let target = vector(&policy.target);
+    (systems.unwrap(), imitation::stable::Certificate { P, target })
+}
+
+#[test]
+fn a_field_comes_near_the_end_of_the_movement() {
+    let (_, policy) = encoding(&config(EncodingKind::Seds, 4));
+    let (systems, certificate) = certified(&policy);
+    let priors = policy.systems().iter().map(|one| one.log_prior.exp());
+    let systems = imitation::Systems { priors: priors.collect(), ..systems };
+    let field = imitation::stable::StableField { systems, certificate };
+    let start = DVector::from_column_slice(&reach().poses()[0][..4]);
+    let path = field.driven(&start, policy.following, 2.0 * policy.duration_s, 0.01);
+    let end = DVector::from_column_slice(&reach().poses()[reach().poses().len() - 1][..4]);
+    let left = (path.column(path.ncols() - 1) - &end).norm();
+    assert!(left < 0.1 * (&start - &end).norm(), "{left}");
+}
+
+/// What the fits refuse is said with the files and with what to do.
+#[test]
+fn what_cannot_be_fitted_names_its_files() {
+    let refused = |kind, n_components, shown: &[Demonstration]| {
+        let mut config = config(kind, 4);
+        config.n_components = n_components;
+        fit(&config.encoding(), shown).unwrap_err().to_string()
+    };
+    let closed = refused(EncodingKind::Seds, 8, &[pancake()]);
+    assert!(closed.contains("pancake.csv leads away from its end"), "{closed}");
+    assert!(closed.contains("learner.encoding"), "{closed}");
+    let rows: String = (0..12).map(|k| format!("0.{k:02},0.7,0,0.{k:02},0\n")).collect();
+    let short = format!("t_s,x_m,y_m,z_m,pitch_rad\n{rows}");
+    let short = Demonstration::parse("short.csv", &short).unwrap();
+    let many = refused(EncodingKind::Gmr, 8, &[short]);
+    assert!(many.contains("short.csv: K = 8 components need at least 24 points"), "{many}");
+    assert!(many.contains("learner.n_components"), "{many}");
+}
+
+/// The same movement shown twice is that movement; a mixture of it may be another one.
+#[test]
+fn repetitions_of_one_movement_make_one_start() {
+    for kind in EncodingKind::ALL.into_iter().filter(|kind| kind.fits_several()) {
+        let mut config = config(kind, 4);
+        let (alone, twice) = ([shown(kind)], [shown(kind), shown(kind)]);
+        assert_eq!(Problem::new(&config, &twice).unwrap().spaces.len(), 2, "{kind:?}");
+        config.demonstrations_are = crate::demonstration::DemonstrationsAre::Repetitions;
+        assert_eq!(config.validate(), Ok(()));
+        assert_eq!(Problem::new(&config, &twice).unwrap().spaces.len(), 1, "{kind:?}");
+        let (encoding, policy) = encoding(&config);
+        let theta = |shown| encoding.encode(&encoding.refit(shown)).unwrap();
+        assert_eq!(encoding.refit(&alone).validate(), Ok(()));
+        if kind != EncodingKind::Seds {
+            let error = (theta(&twice) - encoding.encode(&policy).unwrap()).amax();
+            assert!(error < 1e-6, "{kind:?}: {error}");
+        }
+    }
 }
