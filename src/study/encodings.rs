@@ -30,25 +30,14 @@ const OBSTACLE: &str = "obstacle";
 
 pub fn run_seed(seed: u64) -> Result<Vec<Sample>> {
     let mut samples = Vec::new();
-    let only = std::env::var("ENC").unwrap_or_default();
-    let tasks = std::env::var("TASK").unwrap_or_default();
     for encoding in EncodingKind::ALL {
-        if !only.is_empty() && !only.split(',').any(|o| o == encoding.name()) {
-            continue;
-        }
         for task in TASKS {
-            if !tasks.is_empty() && !tasks.split(',').any(|o| o == task) {
-                continue;
-            }
             let config = config(task, encoding, seed);
             let learnt = learn(&config, |problem| problem.search(&config.learner));
             samples.extend(match learnt {
                 Err(error) if is_no_fit(&error) => refused(encoding.name(), task),
                 learnt => summary(encoding.name(), task, &learnt?.trials),
             });
-        }
-        if !tasks.is_empty() && !tasks.split(',').any(|o| o == OBSTACLE) {
-            continue;
         }
         samples.extend(summary(encoding.name(), OBSTACLE, &around_obstacle(encoding, seed)?));
     }
