@@ -7,24 +7,28 @@
 //! Regions are one when a way is known on which the reward does not fall below a share of the best,
 //! however curved: an optimum may be a ridge, which no Gaussian describes.
 //!
-//! All of this happens in fractions of the box. The work of a trial is O(n²) plus O(n) for each
-//! place of the map. Sec. 4.2 counts by split and merge of a mixture instead ([`super::algorithm1`]).
+//! All of this happens in fractions of the box. The work of a trial is O(n²), and O(n) for each place of
+//! the map while several regions are high. Sec. 4.2 counts by split and merge of a mixture instead
+//! ([`super::algorithm1`]).
 
 mod bridge;
 mod clusters;
 mod config;
 mod dirichlet;
+mod lanes;
 mod map;
 mod persistence;
 mod spectral;
 mod surrogate;
 
-use bridge::Look;
+use std::cmp::Reverse;
+
 use clusters::of_good_trials;
 pub use config::{Estimator, RegionsConfig};
 use map::Map;
 use nalgebra::{DMatrix, DVector};
 use persistence::peaks;
+use surrogate::Belief;
 
 use super::filling::Filling;
 use super::normals::{standard_normal, stream};
@@ -164,18 +168,9 @@ impl Regions {
 
     /// Merges what is known to be connected, and decides what the next trial is for.
     fn plan(&mut self) -> Step {
-        loop {
-            let connected =
-                |region: &usize| self.reaches(&self.regions[*region], self.config.connected);
-            let high: Vec<usize> = (0..self.regions.len()).filter(connected).collect();
-            match self.look_between(&high) {
-                Look::Connected([a, b]) => self.merge(a, b),
-                Look::Doubtful(step) => {
-                    self.n_bridges += 1;
-                    return step;
-                }
-                Look::Apart => break,
-            }
+        if let Some(bridge) = self.bridge() {
+            self.n_bridges += 1;
+            return bridge;
         }
         // The longer a region has climbed, the higher it must be.
         let promising = |region: &&usize| {
@@ -191,34 +186,45 @@ impl Regions {
     /// The most promising of some random steps from the best trial of `region`.
     fn climb(&self, region: usize, rollout: u64) -> DVector<f64> {
         let map = self.map.as_ref().expect("climbs begin when the box is filled");
-        let conditioned = map.condition(&self.values());
         let best = &self.points[self.regions[region].best];
         let mut rng = stream(self.seed, rollout);
-        let draws = (0..N_DRAWS).map(|draw| {
+        let draw = |draw: usize| {
             let std = self.config.climb_std * CLIMB_SHARES[draw % CLIMB_SHARES.len()];
-            let point = best.map(|x| (x + std * standard_normal(&mut rng)).clamp(0.0, 1.0));
-            let belief = map.belief(&conditioned, &point);
-            (belief.mean + CLIMB_OPTIMISM * belief.std, point)
-        });
-        draws.max_by(|a, b| a.0.total_cmp(&b.0)).expect("there are draws").1
+            best.map(|x| (x + std * standard_normal(&mut rng)).clamp(0.0, 1.0))
+        };
+        let draws: Vec<DVector<f64>> = (0..N_DRAWS).map(draw).collect();
+        let score = |belief: &Belief| belief.mean + CLIMB_OPTIMISM * belief.std;
+        let believed = map.beliefs_at(&draws).into_iter().zip(draws);
+        let highest = believed.max_by(|a, b| score(&a.0).total_cmp(&score(&b.0)));
+        highest.expect("there are draws").1
     }
 
-    /// Mean: the best trial. Covariance: of the good trials about it, weighted by reward. Prior: in
-    /// proportion to how many good trials there are.
-    fn mode(&self, region: &Region) -> Mode {
-        let width = &self.bounds.max - &self.bounds.min;
+    /// The regions that have `answer_share` of the best reward, each with its good trials; those with
+    /// most of them first.
+    fn answers(&self) -> Vec<(&Region, Vec<usize>)> {
         let least = self.config.connected * self.best_reward();
-        let good = region.members.iter().filter(|&&t| self.rewards[t] >= least);
+        let is_good = |trial: &usize| self.rewards[*trial] >= least;
+        let good = |region: &Region| region.members.iter().copied().filter(is_good).collect();
+        let high = self.regions.iter().filter(|r| self.reaches(r, self.config.answer_share));
+        let mut answers: Vec<(&Region, Vec<usize>)> = high.map(|r| (r, good(r))).collect();
+        answers.sort_by_key(|(_, good)| Reverse(good.len()));
+        answers
+    }
+
+    /// Mean: the best trial. Covariance: of the good trials about it, weighted by reward. Prior: its
+    /// share of the `n_good` good trials of all answers.
+    fn mode(&self, region: &Region, good: &[usize], n_good: usize) -> Mode {
+        let width = &self.bounds.max - &self.bounds.min;
         let resolution = self.config.climb_std * CLIMB_SHARES[CLIMB_SHARES.len() - 1];
         let mut covariance = DMatrix::from_diagonal(&width.map(|w| (resolution * w).powi(2)));
-        let sum: f64 = good.clone().map(|&t| self.rewards[t] / self.rewards[region.best]).sum();
-        for &trial in good.clone() {
+        let sum: f64 = good.iter().map(|&t| self.rewards[t] / self.rewards[region.best]).sum();
+        for &trial in good {
             let step = (&self.points[trial] - &self.points[region.best]).component_mul(&width);
             let weight = self.rewards[trial] / self.rewards[region.best] / sum;
             covariance += &step * step.transpose() * weight;
         }
         let mean = self.theta(&self.points[region.best]);
-        Mode { prior: good.count() as f64, mean, covariance }
+        Mode { prior: good.len() as f64 / n_good as f64, mean, covariance }
     }
 
     fn theta(&self, point: &DVector<f64>) -> DVector<f64> {
@@ -246,8 +252,9 @@ impl Search for Regions {
         let point = self.bounds.fractions(&trial.theta);
         self.points.push(point.clone());
         self.rewards.push(trial.reward);
+        let values = self.values();
         if let Some(map) = &mut self.map {
-            map.push(point);
+            map.push(point, &values);
         }
         match self.step {
             Step::Fill if self.points.len() < self.config.n_fill || self.best_reward() <= 0.0 => {
@@ -258,7 +265,9 @@ impl Search for Regions {
             Step::Bridge { regions, .. } => self.join(self.nearer(regions), 0),
         }
         self.step = self.plan();
-        self.mean = self.modes()[0].mean.clone();
+        if let Some((region, _)) = self.answers().first() {
+            self.mean = self.theta(&self.points[region.best]);
+        }
     }
 
     fn mean(&self) -> &DVector<f64> {
@@ -277,17 +286,14 @@ impl Search for Regions {
 
     /// The regions that have `answer_share` of the best reward.
     fn modes(&self) -> Vec<Mode> {
-        let answers = self.regions.iter().filter(|r| self.reaches(r, self.config.answer_share));
-        let mut modes: Vec<Mode> = answers.map(|region| self.mode(region)).collect();
-        if modes.is_empty() {
+        let answers = self.answers();
+        if answers.is_empty() {
             let SearchSnapshot { mean, std, .. } = self.snapshot(0);
             let covariance = DMatrix::from_diagonal(&std.component_mul(&std));
             return vec![Mode { prior: 1.0, mean, covariance }];
         }
-        let sum: f64 = modes.iter().map(|mode| mode.prior).sum();
-        modes.iter_mut().for_each(|mode| mode.prior /= sum);
-        modes.sort_by(|a, b| b.prior.total_cmp(&a.prior));
-        modes
+        let n_good = answers.iter().map(|(_, good)| good.len()).sum();
+        answers.iter().map(|(region, good)| self.mode(region, good, n_good)).collect()
     }
 }
 

@@ -109,6 +109,12 @@ fn cases() -> Vec<Value> {
         if !["regions", "niching"].contains(&method) {
             cases.push(case(false, false));
         }
+        if method == "regions" {
+            // By default it fills the box all the while, and neither climbs nor bridges.
+            let mut filled = case(true, false);
+            filled["search"]["regions"] = json!({ "n_fill": 15 });
+            cases.push(filled);
+        }
     }
     for case in &mut cases {
         let (next, mean) = outcome(case);

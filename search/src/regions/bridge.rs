@@ -1,61 +1,80 @@
 //! Whether two regions are one: looks for a high way between them.
 
-use super::map::Way;
+use super::map::Map;
 use super::{Regions, Step};
 
 /// Between regions whose best way seems lower than this nothing is tried.
 const HOPELESS_SHARE: f64 = 0.1;
 
-/// What is between the regions.
-pub(super) enum Look {
-    /// A way that stays high.
-    Connected([usize; 2]),
-    /// A way that may stay high, and what to try.
-    Doubtful(Step),
-    /// Nothing that is worth a trial now.
-    Apart,
+/// Two regions and the places of the map nearest to their best trials.
+struct Pair {
+    regions: [usize; 2],
+    ends: [usize; 2],
 }
 
 impl Regions {
-    /// Two of the `high` regions that are connected, or else the point between two of them that
-    /// tells most.
-    pub(super) fn look_between(&self, high: &[usize]) -> Look {
-        let Some(map) = self.map.as_ref().filter(|_| high.len() > 1 && self.config.n_bridges > 0)
-        else {
-            return Look::Apart;
-        };
-        let beliefs = map.beliefs(&map.condition(&self.values()));
-        let score = |deviations: f64| -> Vec<f64> {
+    /// Merges the regions that a high way connects. Returns the point that tells most on a way that may
+    /// be high, where one is worth a trial now.
+    pub(super) fn bridge(&mut self) -> Option<Step> {
+        if self.config.n_bridges == 0 || self.high_regions().len() < 2 {
+            return None;
+        }
+        let beliefs = self.map.as_mut()?.beliefs();
+        let scores = |deviations: f64| -> Vec<f64> {
             beliefs.iter().map(|belief| belief.mean + deviations * belief.std).collect()
         };
-        let (hoped, safe) = (score(self.config.optimism), score(-self.config.caution));
-        let connected = self.config.connected.ln();
-        let mut best: Option<(f64, [usize; 2], usize)> = None;
-        for (i, &a) in high.iter().enumerate() {
-            for &b in &high[i + 1..] {
-                let [from, to] = [a, b].map(|r| map.nearest(&self.points[self.regions[r].best]));
-                let is_safe = |way: &Way| way.height >= connected;
-                if map.highest_way(&safe, from, to).as_ref().is_some_and(is_safe) {
-                    return Look::Connected([a, b]);
-                }
-                let Some(way) = map.highest_way(&hoped, from, to) else { continue };
-                let inner = way.places[1..way.places.len() - 1].iter().copied();
-                let doubtful = inner.min_by(|&p, &q| safe[p].total_cmp(&safe[q]));
-                if let Some(place) = doubtful.filter(|_| best.is_none_or(|b| way.height > b.0)) {
-                    best = Some((way.height, [a, b], place));
-                }
-            }
+        let safe = scores(-self.config.caution);
+        while let Some([a, b]) = self.connected(&safe) {
+            self.merge(a, b);
         }
+        if self.n_bridges >= self.config.n_bridges {
+            return None;
+        }
+        self.doubtful(&scores(self.config.optimism), &safe)
+    }
+
+    /// The regions whose best trial is high enough to be connected.
+    fn high_regions(&self) -> Vec<usize> {
+        let is_high = |r: &usize| self.reaches(&self.regions[*r], self.config.connected);
+        (0..self.regions.len()).filter(is_high).collect()
+    }
+
+    fn high_pairs(&self, map: &Map) -> Vec<Pair> {
+        let end = |r: usize| map.nearest(&self.points[self.regions[r].best]);
+        let high: Vec<(usize, usize)> =
+            self.high_regions().into_iter().map(|r| (r, end(r))).collect();
+        let mut pairs = Vec::new();
+        for (i, &(a, from)) in high.iter().enumerate() {
+            let others = high[i + 1..].iter();
+            pairs.extend(others.map(|&(b, to)| Pair { regions: [a, b], ends: [from, to] }));
+        }
+        pairs
+    }
+
+    /// The first two regions that are connected for all that is safe to say.
+    fn connected(&self, safe: &[f64]) -> Option<[usize; 2]> {
+        let map = self.map.as_ref()?;
+        let least = self.config.connected.ln();
+        let is_connected = |pair: &Pair| map.highest_way(safe, least, pair.ends).is_some();
+        self.high_pairs(map).into_iter().find(is_connected).map(|pair| pair.regions)
+    }
+
+    /// The least safe place on the highest of the ways hoped for, if that is high enough to be tried.
+    fn doubtful(&self, hoped: &[f64], safe: &[f64]) -> Option<Step> {
+        let map = self.map.as_ref()?;
         // Ways that would have to be better than hoped are tried by turns with climbs.
-        let is_due = |height: f64| {
-            height >= connected
-                || height >= HOPELESS_SHARE.ln() && self.rewards.len().is_multiple_of(2)
-        };
-        match best.filter(|b| self.n_bridges < self.config.n_bridges && is_due(b.0)) {
-            Some((_, regions, place)) => {
-                Look::Doubtful(Step::Bridge { regions, point: map.place(place).clone() })
-            }
-            None => Look::Apart,
-        }
+        let connected = self.config.connected.ln();
+        let is_their_turn = self.rewards.len().is_multiple_of(2);
+        let least = if is_their_turn { connected.min(HOPELESS_SHARE.ln()) } else { connected };
+        // In reverse, as the first of equals counts.
+        let ways = self
+            .high_pairs(map)
+            .into_iter()
+            .rev()
+            .filter_map(|pair| Some((map.highest_way(hoped, least, pair.ends)?, pair.regions)));
+        let (way, regions) = ways.max_by(|a, b| a.0.height.total_cmp(&b.0.height))?;
+        let inner = way.places[1..way.places.len() - 1].iter().copied();
+        let place = inner.min_by(|&p, &q| safe[p].total_cmp(&safe[q]))?;
+        Some(Step::Bridge { regions, point: map.place(place).clone() })
     }
 }

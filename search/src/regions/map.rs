@@ -1,10 +1,12 @@
 //! A map of the box: what is believed of places everywhere, and how high ways between them lead.
 
+use std::cell::OnceCell;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
 use nalgebra::DVector;
 
+use super::lanes::{LANES, Lanes};
 use super::surrogate::{Belief, Conditioned, Surrogate};
 use crate::filling::Filling;
 
@@ -16,10 +18,12 @@ const N_NEIGHBOURS: usize = 8;
 /// Places that fill the box evenly, joined to their neighbours, under a [`Surrogate`] of the trials.
 pub struct Map {
     surrogate: Surrogate,
+    conditioned: Conditioned,
     places: Vec<DVector<f64>>,
-    neighbours: Vec<Vec<usize>>,
-    /// Whitened kernel of each place.
-    whitened: Vec<Vec<f64>>,
+    /// Found when a way first leads to the place; many places are never reached.
+    neighbours: Vec<OnceCell<Vec<usize>>>,
+    /// The same places; [`Map::beliefs`] whitens them.
+    lanes: Vec<Lanes>,
 }
 
 /// A way between two places, ends included.
@@ -35,59 +39,69 @@ impl Map {
     pub fn new(points: &[DVector<f64>], values: &[f64]) -> Map {
         let filling = Filling::new(points[0].len(), 0);
         let places: Vec<DVector<f64>> = (0..N_PLACES).map(|i| filling.place(i)).collect();
-        let neighbours = places.iter().map(|place| nearest(&places, place)).collect();
-        let mut map = Map {
-            surrogate: Surrogate::fit(points, values),
-            whitened: vec![Vec::new(); places.len()],
+        let surrogate = Surrogate::fit(points, values);
+        Map {
+            conditioned: surrogate.condition(values),
+            surrogate,
+            neighbours: vec![OnceCell::new(); places.len()],
+            lanes: places.chunks(LANES).map(Lanes::new).collect(),
             places,
-            neighbours,
-        };
-        map.whiten();
-        map
-    }
-
-    /// Adds a trial.
-    pub fn push(&mut self, point: DVector<f64>) {
-        self.surrogate.push(point);
-        self.whiten();
-    }
-
-    fn whiten(&mut self) {
-        for (place, v) in self.places.iter().zip(&mut self.whitened) {
-            self.surrogate.whiten(place, v);
         }
     }
 
-    pub fn condition(&self, values: &[f64]) -> Conditioned {
-        self.surrogate.condition(values)
+    /// Adds a trial; `values` are those of all trials.
+    pub fn push(&mut self, point: DVector<f64>, values: &[f64]) {
+        self.surrogate.push(&[point]);
+        self.conditioned = self.surrogate.condition(values);
     }
 
-    /// What is believed of any point.
-    pub fn belief(&self, conditioned: &Conditioned, point: &DVector<f64>) -> Belief {
-        let mut v = Vec::new();
-        self.surrogate.whiten(point, &mut v);
-        conditioned.at(&v)
+    /// What is believed of any points.
+    pub fn beliefs_at(&self, points: &[DVector<f64>]) -> Vec<Belief> {
+        let believed = points.chunks(LANES).flat_map(|points| {
+            let mut lanes = Lanes::new(points);
+            self.surrogate.whiten(&mut lanes);
+            self.conditioned.at(&lanes).into_iter().take(points.len())
+        });
+        believed.collect()
     }
 
     /// What is believed of each place.
-    pub fn beliefs(&self, conditioned: &Conditioned) -> Vec<Belief> {
-        self.whitened.iter().map(|v| conditioned.at(v)).collect()
+    pub fn beliefs(&mut self) -> Vec<Belief> {
+        let believed = self.lanes.iter_mut().flat_map(|lanes| {
+            self.surrogate.whiten(lanes);
+            self.conditioned.at(lanes)
+        });
+        believed.take(self.places.len()).collect()
     }
 
     pub fn place(&self, place: usize) -> &DVector<f64> {
         &self.places[place]
     }
 
-    /// The place nearest to `point`.
-    pub fn nearest(&self, point: &DVector<f64>) -> usize {
-        let distance = |place: &usize| self.places[*place].metric_distance(point);
-        (0..self.places.len())
-            .min_by(|a, b| distance(a).total_cmp(&distance(b)))
-            .expect("a map has places")
+    fn distances(&self, point: &DVector<f64>) -> impl Iterator<Item = (f64, usize)> {
+        let distances = self.lanes.iter().flat_map(|lanes| lanes.distances(point));
+        distances.take(self.places.len()).zip(0..)
     }
 
-    /// The way between two places whose lowest score is highest; `None` if none leads there.
-    pub fn highest_way(&self, scores: &[f64], from: usize, to: usize) -> Option<Way> {
+    /// The place nearest to `point`; the first of equals.
+    pub fn nearest(&self, point: &DVector<f64>) -> usize {
+        self.distances(point).min_by(|a, b| a.0.total_cmp(&b.0)).expect("a map has places").1
+    }
+
+    /// The nearest places, `place` itself aside.
+    fn neighbours(&self, place: usize) -> &[usize] {
+        self.neighbours[place].get_or_init(|| {
+            let mut others: Vec<(f64, usize)> = self.distances(&self.places[place]).collect();
+            others.select_nth_unstable_by(N_NEIGHBOURS, |a, b| a.0.total_cmp(&b.0));
+            others.truncate(N_NEIGHBOURS + 1);
+            others.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            others.into_iter().skip(1).map(|(_, i)| i).collect()
+        })
+    }
+
+    /// The way between two places whose lowest score is highest; `None` if there is none of at least
+    /// the height `least`.
+    pub fn highest_way(&self, scores: &[f64], least: f64, [from, to]: [usize; 2]) -> Option<Way> {
         let mut height = vec![f64::NEG_INFINITY; scores.len()];
         let mut before = vec![None; scores.len()];
         height[from] = f64::INFINITY;
@@ -96,9 +110,9 @@ impl Map {
             if place == to {
                 break;
             }
-            for &next in &self.neighbours[place] {
+            for &next in self.neighbours(place) {
                 let score = if next == to { f64::INFINITY } else { scores[next] };
-                if so_far.min(score) > height[next] {
+                if so_far.min(score) > height[next] && so_far.min(score) >= least {
                     height[next] = so_far.min(score);
                     before[next] = Some(place);
                     reached.push(Reached { height: height[next], place: next });
@@ -110,17 +124,6 @@ impl Map {
         places.reverse();
         (places[0] == from).then(|| Way { height: height[to], places })
     }
-}
-
-/// Indices of the nearest places, `place` itself aside.
-fn nearest(places: &[DVector<f64>], place: &DVector<f64>) -> Vec<usize> {
-    let distance = |other: &DVector<f64>| other.metric_distance(place);
-    let mut others: Vec<(f64, usize)> =
-        places.iter().enumerate().map(|(i, other)| (distance(other), i)).collect();
-    others.select_nth_unstable_by(N_NEIGHBOURS, |a, b| a.0.total_cmp(&b.0));
-    others.truncate(N_NEIGHBOURS + 1);
-    others.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    others.into_iter().skip(1).map(|(_, i)| i).collect()
 }
 
 /// A place on the frontier; the highest comes first.
@@ -165,7 +168,7 @@ mod tests {
         };
         let scores: Vec<f64> = (0..N_PLACES as usize).map(score).collect();
         let [from, to] = [0.2, 0.8].map(|x| map.nearest(&DVector::from_vec(vec![x, 0.5])));
-        let way = map.highest_way(&scores, from, to).unwrap();
+        let way = map.highest_way(&scores, f64::NEG_INFINITY, [from, to]).unwrap();
         assert_eq!((way.places.first(), way.places.last()), (Some(&from), Some(&to)));
         assert!(way.height > 0.4, "{}", way.height);
         let crossing = way.places.iter().find(|&&p| (map.place(p)[0] - 0.5).abs() < 0.05).unwrap();
@@ -173,5 +176,8 @@ mod tests {
         for pair in way.places.windows(2) {
             assert!((map.place(pair[0]) - map.place(pair[1])).norm() < 0.06);
         }
+        // A bound leaves out what is lower and changes nothing else.
+        assert_eq!(map.highest_way(&scores, way.height, [from, to]), Some(way.clone()));
+        assert_eq!(map.highest_way(&scores, way.height + 1e-9, [from, to]), None);
     }
 }

@@ -2,6 +2,8 @@
 
 use nalgebra::DVector;
 
+use super::lanes::{Each, LANES, Lanes};
+
 /// Share of the variance that even the nearest trials do not explain: kinks and steps.
 const NUGGET: f64 = 1e-3;
 /// Length scales that are compared, in widths of the box, and the one to begin with.
@@ -50,32 +52,42 @@ impl Surrogate {
 
     fn of(lengths: Vec<f64>, points: &[DVector<f64>]) -> Surrogate {
         let mut surrogate = Surrogate { lengths, points: Vec::new(), rows: Vec::new() };
-        points.iter().for_each(|point| surrogate.push(point.clone()));
+        points.chunks(LANES).for_each(|points| surrogate.push(points));
         surrogate
     }
 
-    pub fn push(&mut self, point: DVector<f64>) {
-        let mut row = Vec::with_capacity(self.points.len() + 1);
-        self.whiten(&point, &mut row);
-        let unexplained = 1.0 + NUGGET - squared_norm(&row);
-        row.push(unexplained.max(NUGGET).sqrt());
-        self.rows.push(row);
-        self.points.push(point);
-    }
-
-    /// Appends to the whitened kernel `v` of `place` what it lacks for the latest trials.
-    pub fn whiten(&self, place: &DVector<f64>, v: &mut Vec<f64>) {
-        for n in v.len()..self.points.len() {
-            let row = &self.rows[n];
-            v.push((self.kernel(&self.points[n], place) - dot(&row[..n], v)) / row[n]);
+    /// Adds one to [`LANES`] trials.
+    pub fn push(&mut self, points: &[DVector<f64>]) {
+        let mut lanes = Lanes::new(points);
+        for (lane, point) in points.iter().enumerate() {
+            self.whiten(&mut lanes);
+            let mut row = lanes.lane(lane);
+            let unexplained = 1.0 + NUGGET - lanes.explained[lane];
+            row.push(unexplained.max(NUGGET).sqrt());
+            self.rows.push(row);
+            self.points.push(point.clone());
         }
     }
 
-    /// (1 + d) exp(−d) with d = √3 ‖(a − b) / lengths‖.
-    fn kernel(&self, a: &DVector<f64>, b: &DVector<f64>) -> f64 {
-        let squared: f64 = (0..a.len()).map(|i| ((a[i] - b[i]) / self.lengths[i]).powi(2)).sum();
-        let distance = (3.0 * squared).sqrt();
-        (1.0 + distance) * (-distance).exp()
+    /// Appends to the whitened kernels of `places` what they lack for the latest trials.
+    pub fn whiten(&self, places: &mut Lanes) {
+        for n in places.v.len()..self.points.len() {
+            let (before, own) = (&self.rows[n][..n], self.rows[n][n]);
+            let (kernel, known) = (self.kernel(&self.points[n], places), places.dot(before));
+            places.push(std::array::from_fn(|lane| (kernel[lane] - known[lane]) / own));
+        }
+    }
+
+    /// (1 + d) exp(−d) with d = √3 ‖(a − b) / lengths‖, of `point` and each of `places`.
+    fn kernel(&self, point: &DVector<f64>, places: &Lanes) -> Each {
+        let mut squared = [0.0; LANES];
+        for ((a, axis), length) in point.iter().zip(&places.axes).zip(&self.lengths) {
+            squared.iter_mut().zip(axis).for_each(|(sum, b)| *sum += ((a - b) / length).powi(2));
+        }
+        squared.map(|squared: f64| {
+            let distance = (3.0 * squared).sqrt();
+            (1.0 + distance) * (-distance).exp()
+        })
     }
 
     /// The process with one value a trial.
@@ -106,10 +118,13 @@ pub struct Conditioned {
 }
 
 impl Conditioned {
-    /// At the place with the whitened kernel `v`.
-    pub fn at(&self, v: &[f64]) -> Belief {
-        let std = self.scale * (1.0 - squared_norm(v)).max(0.0).sqrt();
-        Belief { mean: self.mean + dot(&self.beta, v), std }
+    /// At each of `places`, which are whitened for all trials.
+    pub fn at(&self, places: &Lanes) -> [Belief; LANES] {
+        let known = places.dot(&self.beta);
+        std::array::from_fn(|lane| {
+            let std = self.scale * (1.0 - places.explained[lane]).max(0.0).sqrt();
+            Belief { mean: self.mean + known[lane], std }
+        })
     }
 }
 
@@ -139,28 +154,44 @@ mod tests {
         points.iter().map(|p| (12.0 * p[0]).sin() + 0.1 * p[1]).collect()
     }
 
+    fn belief(surrogate: &Surrogate, conditioned: &Conditioned, place: &DVector<f64>) -> Belief {
+        let mut lanes = Lanes::new(std::slice::from_ref(place));
+        surrogate.whiten(&mut lanes);
+        conditioned.at(&lanes)[0]
+    }
+
     /// Against the textbook's μ = m + kᵀK⁻¹(y − m) and σ² = s²(1 − kᵀK⁻¹k).
     #[test]
     fn agrees_with_the_inverse_of_the_kernel_matrix() {
         let (points, place) = (points(), DVector::from_vec(vec![0.3, 0.7]));
         let values = values(&points);
         let surrogate = Surrogate::of(vec![0.4, 0.2], &points);
-        let mut v = Vec::new();
-        surrogate.whiten(&place, &mut v);
-        let found = surrogate.condition(&values).at(&v);
+        let found = belief(&surrogate, &surrogate.condition(&values), &place);
 
         let n = points.len();
+        let kernel = |a: &DVector<f64>, b| surrogate.kernel(a, &Lanes::new(&[b]))[0];
         let gram = DMatrix::from_fn(n, n, |i, j| {
-            surrogate.kernel(&points[i], &points[j]) + if i == j { NUGGET } else { 0.0 }
+            kernel(&points[i], points[j].clone()) + if i == j { NUGGET } else { 0.0 }
         });
         let inverse = gram.try_inverse().unwrap();
-        let k = DVector::from_fn(n, |i, _| surrogate.kernel(&points[i], &place));
+        let k = DVector::from_fn(n, |i, _| kernel(&points[i], place.clone()));
         let mean = values.iter().sum::<f64>() / n as f64;
         let y = DVector::from_fn(n, |i, _| values[i] - mean);
         let scale = y.dot(&(&inverse * &y)) / n as f64;
         assert!((found.mean - mean - k.dot(&(&inverse * &y))).abs() < 1e-9);
         let variance = scale * (1.0 - k.dot(&(&inverse * &k)));
         assert!((found.std - variance.sqrt()).abs() < 1e-9);
+    }
+
+    /// A session that resumes adds many trials at once and proposes what it would have proposed.
+    #[test]
+    fn trials_added_at_once_or_one_by_one_are_the_same() {
+        let points = points();
+        let lengths = vec![0.4, 0.2];
+        let at_once = Surrogate::of(lengths.clone(), &points);
+        let mut one_by_one = Surrogate { lengths, points: Vec::new(), rows: Vec::new() };
+        points.chunks(1).for_each(|point| one_by_one.push(point));
+        assert_eq!(at_once.rows, one_by_one.rows);
     }
 
     /// The direction that matters gets the shorter length; trials are nearly certain, others not.
@@ -170,11 +201,7 @@ mod tests {
         let surrogate = Surrogate::fit(&points, &values(&points));
         assert!(surrogate.lengths[0] < surrogate.lengths[1], "{:?}", surrogate.lengths);
         let conditioned = surrogate.condition(&values(&points));
-        let at = |place: &DVector<f64>| {
-            let mut v = Vec::new();
-            surrogate.whiten(place, &mut v);
-            conditioned.at(&v)
-        };
+        let at = |place| belief(&surrogate, &conditioned, place);
         let known = at(&points[3]);
         assert!((known.mean - values(&points)[3]).abs() < 0.02, "{known:?}");
         let far = at(&DVector::from_vec(vec![1e6, -1e6]));
@@ -187,9 +214,7 @@ mod tests {
         let points = vec![DVector::from_vec(vec![0.5, 0.5]); 5];
         for values in [[0.0; 5], [0.0, 1.0, 0.0, 1.0, 0.0]] {
             let surrogate = Surrogate::fit(&points, &values);
-            let mut v = Vec::new();
-            surrogate.whiten(&points[0], &mut v);
-            let belief = surrogate.condition(&values).at(&v);
+            let belief = belief(&surrogate, &surrogate.condition(&values), &points[0]);
             assert!(belief.mean.is_finite() && belief.std.is_finite(), "{belief:?}");
         }
     }
