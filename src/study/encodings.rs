@@ -78,14 +78,6 @@ fn around_obstacle(encoding: EncodingKind, seed: u64) -> Result<Vec<Trial>> {
     let executed = session(&mut *search, learner.rollouts, |_, theta| {
         let policy = problem.decode(theta, Default::default());
         let way = follow(&policy).measured().into_iter();
-        let way = way.inspect(|m| {
-            if std::env::var("DBG").is_ok() {
-                eprint!("{}={:.3} ", m.name, m.value);
-                if m.name == "collided" {
-                    eprintln!();
-                }
-            }
-        });
         let measures = way.map(|one| Measure { name: one.name, unit: one.unit, value: one.value });
         let header = EpisodeHeader { measures: Measures::of(measures)?, ..Default::default() };
         let (_, success, reward) = judge.judge(&policy, &header, &[])?;
@@ -101,13 +93,6 @@ fn hand(config: &Config) -> LearnerConfig {
     learner.exploration.kind = ExplorationKind::White;
     // As in the task itself, a unit is a metre and a large change of stiffness.
     (learner.scales.position_m, learner.scales.log_stiffness) = (1.0, 3.0);
-    let e = |n: &str, d: f64| std::env::var(n).ok().and_then(|v| v.parse().ok()).unwrap_or(d);
-    learner.n_components = e("NC", 4.0) as usize;
-    learner.scales.log_stiffness = e("LS", 3.0);
-    learner.scales.position_m = e("PM", 1.0);
-    let p = &mut learner.search.power;
-    p.initial_std = e("IS", p.initial_std);
-    p.floor_std = e("FS", p.floor_std);
     learner
 }
 
