@@ -181,9 +181,6 @@ fn parse(text: &str, of: Defaults) -> Result<Config, toml::de::Error> {
     let given: Config = toml::from_str(text)?;
     let mut defaults = of(&given.task.name, given.task.options);
     defaults.learner = defaults.learner.encoded(given.learner.encoding);
-    if given.learner.people.takes_ratings() {
-        defaults.learner.search.power.noise = given.learner.people.noise();
-    }
     if let Some(judge) = &given.task.judge {
         // A reward of one's own says itself what compliance is worth, if anything.
         defaults.learner.compliance = ComplianceConfig::off();

@@ -99,8 +99,8 @@ pub enum FitError {
     #[error("no regression in time of {files}: {error}; the components are learner.n_components")]
     Gmr { files: String, error: GmmError },
     #[error(
-        "no stable field of {files}: {error}; the components are learner.n_components, and any other \
-         learner.encoding than seds is driven by time"
+        "no stable field of {files}: {error}; the components are learner.n_components, the damping is \
+         2·√learner.kappa_p, and any other learner.encoding than seds is driven by time"
     )]
     Seds { files: String, error: StableError },
 }

@@ -10,10 +10,6 @@ use search::range::{Range, range};
 /// The best rating; the worst is 0.
 pub const BEST: f64 = 10.0;
 
-/// σ of a person's ratings, in units of the standard deviation of what they would be without errors: about that of
-/// one rating in five at random. With half of that, or with twice as much, a search learns about as well.
-const NOISE: f64 = 0.7;
-
 /// `[learner.people]`: what ratings count for, and when the learner turns to people.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -26,23 +22,41 @@ pub struct PeopleConfig {
     pub full_marks: f64,
     /// Where ratings alone count, a rollout rated so or better is a success.
     pub success_from: f64,
+    /// σ of ratings, the standard deviation of their errors in units of that of ratings without errors: `power` ranks
+    /// its elites by their neighbours' ratings as well. 0 takes every rating as exact.
+    #[serde(default = "exact")]
+    pub noise: f64,
     /// A search without a success asks for a demonstration after so many rollouts that were no better; 0: never.
     pub ask_after: u64,
 }
 
+// What sessions did that were stored before there was a choice.
+fn exact() -> f64 {
+    0.0
+}
+
 impl Default for PeopleConfig {
     fn default() -> Self {
-        PeopleConfig { weight: 0.0, wait: true, full_marks: 5.0, success_from: 7.0, ask_after: 0 }
+        PeopleConfig {
+            weight: 0.0,
+            wait: true,
+            full_marks: 5.0,
+            success_from: 7.0,
+            // About that of one random rating in five.
+            noise: 0.7,
+            ask_after: 0,
+        }
     }
 }
 
 impl PeopleConfig {
     /// Settings and their ranges.
-    pub fn ranges(&self) -> [Range; 4] {
+    pub fn ranges(&self) -> [Range; 5] {
         [
             range("weight", self.weight, 0.0, 1.0),
             range("full_marks", self.full_marks, 1e-6, 1e6),
             range("success_from", self.success_from, 0.0, BEST),
+            range("noise", self.noise, 0.0, 100.0),
             range("ask_after", self.ask_after as f64, 0.0, 100_000.0),
         ]
     }
@@ -55,9 +69,9 @@ impl PeopleConfig {
         self.weight == 1.0
     }
 
-    /// `learner.search.power.noise` where nothing else is set: ratings are noisy, and a reward is by their share in it.
-    pub fn noise(&self) -> f64 {
-        self.weight * NOISE
+    /// σ of rewards in which ratings have their share, the least `noise` of a `power` search.
+    pub fn reward_noise(&self) -> f64 {
+        self.weight * self.noise
     }
 
     /// Success and reward of a rollout that somebody rated; `own` is what the robot's judge said.
@@ -81,5 +95,15 @@ mod tests {
         assert_eq!(config(0.25).weigh((false, 2.0), 0.0), (false, 1.5));
         assert_eq!(config(1.0).weigh((true, 9.0), 5.0), (false, 2.0), "the judge is not heard");
         assert_eq!(config(1.0).weigh((false, -9.0), 7.0), (true, 2.8));
+    }
+
+    #[test]
+    fn ratings_are_noisy_by_their_share_and_exact_in_sessions_that_were_stored_without_a_choice() {
+        let config = |weight| PeopleConfig { weight, ..PeopleConfig::default() };
+        assert_eq!(config(0.0).reward_noise(), 0.0);
+        assert!(config(1.0).reward_noise() > 0.0);
+        assert_eq!(config(0.5).reward_noise(), 0.5 * config(1.0).reward_noise());
+        let stored: PeopleConfig = serde_json::from_str(r#"{"weight": 1.0}"#).unwrap();
+        assert_eq!(stored.reward_noise(), 0.0);
     }
 }

@@ -147,7 +147,9 @@ impl Problem {
     pub fn search_for(&self, config: &LearnerConfig, rollout: u64) -> Box<dyn Search> {
         let starts = self.joined.iter().copied().zip(self.spaces.iter().cloned());
         let joined = starts.filter(|(after, _)| *after < rollout).collect();
-        search::build_joined(&config.search, config.seed, joined)
+        let mut search = config.search.clone();
+        search.power.noise = search.power.noise.max(config.people.reward_noise());
+        search::build_joined(&search, config.seed, joined)
     }
 }
 

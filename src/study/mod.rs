@@ -104,7 +104,7 @@ pub const STUDIES: &[Study] = &[
     table_of(
         "ratings",
         "pancake flipping from a person's ratings alone, some of them wrong",
-        1,
+        2,
         ratings::run_seed,
     ),
     table_of(

@@ -19,46 +19,58 @@ const ERRORS: u64 = 6 << 32;
 /// Of a rating, the part that a catch is worth; the turn is worth the rest.
 const CATCH: f64 = 5.0;
 
-/// Who judges: the share of ratings that are any number, or none where the robot's own reward is learnt from.
-const CASES: [(&str, Option<f64>); 4] = [
-    ("own reward", None),
-    ("ratings", Some(0.0)),
-    ("ratings, 20 % wrong", Some(0.2)),
-    ("ratings, 40 % wrong", Some(0.4)),
-];
+/// Who judges.
+struct Case {
+    name: &'static str,
+    /// The share of ratings that are any number; `None` where the robot's own reward is learnt from.
+    errors: Option<f64>,
+    /// What the session takes ratings for.
+    people: PeopleConfig,
+}
+
+fn cases() -> Vec<Case> {
+    let none = PeopleConfig::default();
+    let alone = PeopleConfig { weight: 1.0, ..none };
+    let exact = PeopleConfig { noise: 0.0, ..alone };
+    let case = |name, errors, people| Case { name, errors, people };
+    vec![
+        case("own reward", None, none),
+        case("ratings", Some(0.0), alone),
+        case("ratings, 20 % wrong", Some(0.2), alone),
+        case("ratings, 40 % wrong", Some(0.4), alone),
+        case("taken as exact", Some(0.0), exact),
+        case("taken as exact, 20 % wrong", Some(0.2), exact),
+        case("taken as exact, 40 % wrong", Some(0.4), exact),
+    ]
+}
 
 pub fn run_seed(seed: u64) -> Result<Vec<Sample>> {
     let mut samples = Vec::new();
-    for (name, errors) in CASES {
-        samples.extend(run(name, errors, seed)?);
+    for case in cases() {
+        samples.extend(run(&case, seed)?);
     }
     Ok(samples)
 }
 
-fn run(name: &str, errors: Option<f64>, seed: u64) -> Result<Vec<Sample>> {
+fn run(case: &Case, seed: u64) -> Result<Vec<Sample>> {
     let mut config = Config::default();
-    config.learner.seed = seed;
-    let people = PeopleConfig { weight: 1.0, ..PeopleConfig::default() };
-    if errors.is_some() {
-        // As a configuration with this weight has it.
-        config.learner.search.power.noise = people.noise();
-    }
+    (config.learner.seed, config.learner.people) = (seed, case.people);
     let bench = Bench::new(config, false)?;
     let (mut plant, mut succeeded) = (bench.plant(&bench.world), Vec::new());
     let (mut executed, _) = learn_by(&bench, |problem, rollout, theta| {
         let judged = bench.judged_on(problem, theta, &mut plant)?;
         succeeded.push(judged.1);
         let came = bench.came(&judged);
-        let Some(errors) = errors else { return Ok(came) };
+        let Some(errors) = case.errors else { return Ok(came) };
         let rating = rating(&judged.0, errors, seed, rollout);
-        let (success, reward) = people.weigh((judged.1, judged.2), rating);
+        let (success, reward) = case.people.weigh((judged.1, judged.2), rating);
         Ok(Came { success, reward, ..came })
     })?;
     // What the table counts is what happened, not what somebody said of it.
     for (one, success) in executed.iter_mut().zip(succeeded) {
         one.trial.success = success;
     }
-    Ok(summary(name, &executed))
+    Ok(summary(case.name, &executed))
 }
 
 /// What the rater says of a rollout, in whole numbers.

@@ -63,10 +63,9 @@ impl Policy {
     }
 }
 
-/// Turns the first `n` entries, ln of what is proportional to hᵢ, into hᵢ. The largest exponent is taken
+/// Turns the first `n` entries, ln of what is proportional to hᵢ, into hᵢ. The `largest` of them is taken
 /// out first: far from every centre the nearest component acts alone, instead of 0/0.
-fn normalize(h: &mut [f64; MAX_COMPONENTS], n: usize) {
-    let largest = h.iter().take(n).fold(f64::NEG_INFINITY, |largest, h| largest.max(*h));
+fn normalize(h: &mut [f64; MAX_COMPONENTS], n: usize, largest: f64) {
     let mut sum = 0.0;
     for h in h.iter_mut().take(n) {
         *h = (*h - largest).exp();

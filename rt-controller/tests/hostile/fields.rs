@@ -199,30 +199,13 @@ fn is_followed(d: usize, A: impl Fn(usize, usize) -> f64, lambda: f64) -> bool {
     const N: usize = 2 * TASK_DIM;
     let M = SMatrix::<f64, N, N>::from_fn(|r, c| {
         let (row, column) = (r % TASK_DIM, c % TASK_DIM);
-        let (is_used, unit) = (row.max(column) < d, f64::from(u8::from(row == column)));
+        let number = |is: bool| f64::from(u8::from(is));
+        let (used, unit) = (number(row.max(column) < d), number(row == column));
         match (r < TASK_DIM, c < TASK_DIM) {
             // What is not in use dies out by itself.
-            (true, true) => {
-                if is_used {
-                    0.0
-                } else {
-                    -unit
-                }
-            }
-            (true, false) => {
-                if is_used {
-                    unit
-                } else {
-                    0.0
-                }
-            }
-            (false, true) => {
-                if is_used {
-                    lambda * A(row, column)
-                } else {
-                    0.0
-                }
-            }
+            (true, true) => (used - 1.0) * unit,
+            (true, false) => used * unit,
+            (false, true) => used * lambda * A(row, column),
             (false, false) => -lambda * unit,
         }
     });

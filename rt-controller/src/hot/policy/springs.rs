@@ -36,14 +36,10 @@ struct Spring {
 }
 
 impl Spring {
-    /// μᵢ − x. On the sphere the rotation Log(exp(μᵢ) R⁻¹) stands for the difference of the rotation
-    /// vectors: the shortest way, in the world frame, which changes sides half a turn away.
-    fn error(&self, task: &TaskState, is_sphere: bool) -> Vector6<f64> {
-        let error = self.attractor - task.x;
-        if !is_sphere {
-            return error;
-        }
-        let turn = task.relative_to(&self.R_WA);
+    /// μᵢ − x on the sphere: the rotation Log(exp(μᵢ) R⁻¹) stands for the difference of the rotation
+    /// vectors. It is the shortest way, in the world frame, and changes sides half a turn away.
+    fn error_on_sphere(&self, task: &TaskState) -> Vector6<f64> {
+        let (error, turn) = (self.attractor - task.x, task.relative_to(&self.R_WA));
         Vector6::from_fn(|i, _| if i < 3 { error[i] } else { -turn[i] })
     }
 }
@@ -101,22 +97,33 @@ impl Springs {
     pub fn activations(&self, t_s: f64) -> [f64; MAX_COMPONENTS] {
         let s = if self.decay_rate > 0.0 { (-self.decay_rate * t_s).exp() } else { t_s };
         let mut h = [0.0; MAX_COMPONENTS];
+        let mut largest = f64::NEG_INFINITY;
         for (h, spring) in h.iter_mut().zip(&self.springs).take(self.n_components) {
             let z = (s - spring.center) / spring.width;
             *h = -0.5 * z * z - spring.width.ln();
+            largest = largest.max(*h);
         }
-        normalize(&mut h, self.n_components);
+        normalize(&mut h, self.n_components, largest);
         h
     }
 
     /// Eq. (5): ẍ = Σ hᵢ [Kᵢ (μᵢ − x) − κᵛ ẋ], where Σ hᵢ = 1; with dampers of their own,
     /// 2ζ Kᵢ^½ in κᵛ's place.
     pub fn command(&self, t_s: f64, task: &TaskState) -> Command {
+        if self.is_sphere {
+            return self.pull(t_s, task, |spring| spring.error_on_sphere(task));
+        }
+        self.pull(t_s, task, |spring| spring.attractor - task.x)
+    }
+
+    /// Eq. (5), where `error` is μᵢ − x.
+    #[inline(always)]
+    fn pull(&self, t_s: f64, task: &TaskState, error: impl Fn(&Spring) -> Vector6<f64>) -> Command {
         let h = self.activations(t_s);
         let mut xdd = -self.damping.component_mul(&task.xd);
         let mut attractor = Vector6::zeros();
         for (h, spring) in h.iter().zip(&self.springs).take(self.n_components) {
-            xdd += spring.stiffness * spring.error(task, self.is_sphere) * *h;
+            xdd += spring.stiffness * error(spring) * *h;
             attractor += spring.attractor * *h;
             if self.has_dampers {
                 xdd -= spring.damper * task.xd * *h;

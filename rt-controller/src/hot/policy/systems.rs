@@ -170,14 +170,16 @@ impl Systems {
     /// Eq. (2), weights: hᵢ ∝ πᵢ 𝒩(ξʷ | cᵢ, Σᵢ) at the drive `s`, or at `x`.
     fn weights(&self, s: f64, x: &Vector6<f64>) -> [f64; MAX_COMPONENTS] {
         let mut h = [0.0; MAX_COMPONENTS];
+        let mut largest = f64::NEG_INFINITY;
         for (h, system) in h.iter_mut().zip(&self.systems).take(self.n_systems) {
             let squared = match self.drive {
                 Drive::State => (system.whitening * (x - system.center)).norm_squared(),
                 _ => (system.whitening[(0, 0)] * (s - system.center[0])).powi(2),
             };
             *h = system.log_weight - 0.5 * squared;
+            largest = largest.max(*h);
         }
-        normalize(&mut h, self.n_systems);
+        normalize(&mut h, self.n_systems, largest);
         h
     }
 
