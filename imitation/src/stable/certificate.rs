@@ -56,8 +56,9 @@ impl Certificate {
         let mut margin = f64::INFINITY;
         for (i, A) in self.in_metric(systems)?.into_iter().enumerate() {
             let rate = -(&A + A.transpose()).symmetric_eigenvalues().max();
-            // Not `rate <= …`: it must not pass if it is no number.
-            if !(rate > ROUNDING * A.norm()) {
+            // False if it is no number.
+            let falls = rate > ROUNDING * A.norm();
+            if !falls {
                 return Err(CertificateError::NotStable { component: i + 1, rate });
             }
             margin = margin.min(rate);
@@ -74,7 +75,8 @@ impl Certificate {
     /// V̇₂ = −2 [y; e]ᵀ [N, W; Wᵀ, λI − N] [y; e],
     ///
     /// whose matrix is linear in A: it is positive definite for Σᵢ hᵢAᵢ if it is for every Aᵢ, that is if
-    /// λ > λmax(Nᵢ + WᵢᵀNᵢ⁻¹Wᵢ), which is how slowly a spiral closes. Precondition: `check` passes.
+    /// λ > λmax(Nᵢ + WᵢᵀNᵢ⁻¹Wᵢ). A spiral that closes slowly needs much: driven with less, it opens. Fails
+    /// as `check` does.
     pub fn damping(&self, systems: &Systems) -> Result<f64, CertificateError> {
         self.check(systems)?;
         let needed = self.in_metric(systems)?.into_iter().map(|A| {
@@ -99,7 +101,8 @@ impl Certificate {
                 }
             }
             let speed = (A * &self.target + b).norm();
-            if !(speed <= ROUNDING * (A.norm() * self.target.norm() + b.norm())) {
+            let rests = speed <= ROUNDING * (A.norm() * self.target.norm() + b.norm());
+            if !rests {
                 return Err(CertificateError::Moves { component, speed });
             }
             // X Lᵀ = LᵀA, from L Xᵀ = (LᵀA)ᵀ.

@@ -30,7 +30,8 @@ impl Course {
     pub fn new(recording: &Recording) -> Option<Course> {
         let speeds: Vec<f64> = recording.velocities().column_iter().map(|v| v.norm()).collect();
         let fastest = speeds.iter().copied().fold(0.0, f64::max);
-        if !(fastest > 0.0) {
+        let moves = fastest > 0.0;
+        if !moves {
             return None;
         }
         let start = speeds.iter().position(|speed| *speed > STARTED * fastest)?;

@@ -68,9 +68,10 @@ impl Field {
             let mut squared = 0.0;
             for r in 0..d {
                 let (mut pull, mut velocity) = (0.0, 0.0);
-                for c in 0..d {
-                    pull += self.precisions[matrix + r * d + c] * (x[c] - self.centers[vector + c]);
-                    velocity += self.A[matrix + r * d + c] * x[c];
+                for (c, x) in x.iter().enumerate() {
+                    let entry = matrix + r * d + c;
+                    pull += self.precisions[entry] * (x - self.centers[vector + c]);
+                    velocity += self.A[entry] * x;
                 }
                 squared += pull * (x[r] - self.centers[vector + r]);
                 at.pulls[vector + r] = pull;

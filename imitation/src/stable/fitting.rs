@@ -3,7 +3,6 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::course::{Course, N_POINTS, directions};
-use super::field::Field;
 use super::objective::{Objective, Way};
 use super::parameters::{Component, Model, Parameters};
 use super::samples::Samples;
@@ -59,7 +58,7 @@ impl Scaled {
         let recorded: Vec<DMatrix<f64>> =
             courses.iter().map(|course| &course.points / size).collect();
         let coarse: Vec<DMatrix<f64>> =
-            recorded.iter().map(|path| columns(path, &spread(N_POINTS, N_METRIC))).collect();
+            recorded.iter().map(|path| path.select_columns(&spread(N_POINTS, N_METRIC))).collect();
         let L = metric::metric(&coarse, seed);
 
         let (mut certified, mut places, mut velocities) = (Vec::new(), Vec::new(), Vec::new());
@@ -100,7 +99,8 @@ impl Scaled {
         seed: u64,
     ) -> Result<(Systems, DMatrix<f64>), StableError> {
         let damping = options.damping * self.time_s;
-        if !(damping > 2.0 * SLOWEST) {
+        let leaves_room = damping > 2.0 * SLOWEST;
+        if !leaves_room {
             let (duration_s, needed) = (self.time_s, 2.0 * SLOWEST / self.time_s);
             return Err(StableError::Damping { damping: options.damping, duration_s, needed });
         }
@@ -156,9 +156,7 @@ impl Scaled {
             self.first_component(parameters, mixture.priors[i], &weights)
         };
         let components: Option<Vec<Component>> = (0..parameters.k).map(component).collect();
-        let components =
-            components.ok_or(StableError::Systems(crate::systems::SystemsError::System(1)))?;
-        Ok(Model { L: self.L.clone(), components })
+        Ok(Model { L: self.L.clone(), components: components.ok_or(StableError::Overflow)? })
     }
 
     /// The moments of the places under `weights`, and the least-squares system made stable.
@@ -233,7 +231,7 @@ impl Scaled {
         let shares: Vec<f64> =
             model.components.iter().map(|c| (c.log_prior - highest).exp()).collect();
         let sum: f64 = shares.iter().sum();
-        let field = parameters.field(model).unwrap_or_else(|| Field::zeros(d, parameters.k));
+        let field = parameters.field(model).ok_or(StableError::Overflow)?;
         let A: Vec<DMatrix<f64>> = field
             .A
             .chunks(d * d)
@@ -259,8 +257,4 @@ impl Scaled {
 /// `n` of `from` indices at equal distances, both ends included.
 fn spread(from: usize, n: usize) -> Vec<usize> {
     (0..n).map(|k| k * (from - 1) / (n - 1)).collect()
-}
-
-fn columns(matrix: &DMatrix<f64>, which: &[usize]) -> DMatrix<f64> {
-    matrix.select_columns(which)
 }

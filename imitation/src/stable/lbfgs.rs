@@ -62,7 +62,8 @@ fn step(
     objective: &mut impl FnMut(&DVector<f64>, &mut DVector<f64>) -> f64,
 ) -> Option<Place> {
     let slope = here.gradient.dot(direction);
-    if !(slope < 0.0) {
+    let leads_down = slope < 0.0;
+    if !leads_down {
         return None;
     }
     let (mut low, mut high) = (0.0, f64::INFINITY);
