@@ -1,7 +1,7 @@
 //! A policy in a file, as JSON or as TOML; what is read is written and read back the same.
 #![no_main]
 
-#[path = "../../src/policy_file.rs"]
+#[path = "../../src/policy_file/mod.rs"]
 mod policy_file;
 
 use std::fs;

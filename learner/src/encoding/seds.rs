@@ -275,8 +275,8 @@ impl Seds {
             })
             .collect();
         let change = least_squares(&phi, &DMatrix::from_rows(&unexplained), RIDGE);
-        for i in 0..self.n_systems() {
-            let in_metric = &base[i] + change.rows(i * d, d).transpose();
+        for (i, base) in base.iter().enumerate() {
+            let in_metric = base + change.rows(i * d, d).transpose();
             let symmetric = (&in_metric + in_metric.transpose()) * 0.5;
             let decay = Decay { turns: &in_metric - &symmetric, rates: -symmetric };
             let system = &mut policy.systems[i];
