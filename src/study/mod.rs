@@ -11,6 +11,7 @@ mod disturbance;
 mod drift;
 mod encodings;
 mod figures;
+mod imitation;
 mod landscape;
 mod literal;
 mod niching;
@@ -18,6 +19,7 @@ mod pancake;
 mod peaks;
 mod peers;
 mod posture;
+mod python;
 mod ratings;
 mod repertoire;
 mod robots;
@@ -214,6 +216,12 @@ pub const STUDIES: &[Study] = &[
         "our searches beside pycma, pyribs, Optuna and nevergrad, through the Python package",
         1,
         peers::run_seed,
+    ),
+    table_of(
+        "imitation",
+        "stable fields beside movement primitives on handwriting, through a Python program",
+        1,
+        imitation::run_seed,
     ),
     table_of("niching", "all optima of the CEC 2013 functions F1 to F10", 2, niching::run_seed),
     table_of(
