@@ -65,7 +65,7 @@ pub struct PostureArgs {
     #[arg(long)]
     pub reset: bool,
     /// How long the move takes, s; as long as it needs, and at least 1 s, when absent
-    #[arg(long = "in", value_name = "S", value_parser = duration)]
+    #[arg(long = "in", value_name = "S", value_parser = duration, allow_negative_numbers = true)]
     pub within: Option<f64>,
     #[command(flatten)]
     pub cell: CellArgs,
