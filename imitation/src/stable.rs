@@ -111,11 +111,31 @@ pub enum StableError {
     #[error("numbers overflow: give the recordings in m, rad or another usual unit")]
     Overflow,
     #[error("no mixture fits the recordings: {0}")]
-    Mixture(#[from] GmmError),
+    Mixture(GmmError),
     #[error("the fit is no field: {0}")]
-    Systems(#[from] SystemsError),
+    Systems(SystemsError),
     #[error("the fit has no certificate: {0}")]
-    Certificate(#[from] CertificateError),
+    Certificate(CertificateError),
+}
+
+// No `#[from]`: the text holds the cause, and a chain would repeat it.
+
+impl From<GmmError> for StableError {
+    fn from(error: GmmError) -> Self {
+        StableError::Mixture(error)
+    }
+}
+
+impl From<SystemsError> for StableError {
+    fn from(error: SystemsError) -> Self {
+        StableError::Systems(error)
+    }
+}
+
+impl From<CertificateError> for StableError {
+    fn from(error: CertificateError) -> Self {
+        StableError::Certificate(error)
+    }
 }
 
 /// Learns a field from recordings that share their end; x* is the mean of their ends.

@@ -1,3 +1,5 @@
+//! Fits of known fields, of movements that have none, and their motions.
+
 use super::*;
 
 /// The motion of ẋ = A(x − x*) from `start`, over `duration_s` at 100 Hz.

@@ -1,3 +1,5 @@
+//! What a certificate says of a field, and what it refuses.
+
 use super::*;
 use crate::integrate::first_order;
 

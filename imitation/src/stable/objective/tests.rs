@@ -1,3 +1,5 @@
+//! The derivatives of what a fit minimises.
+
 use search::normals::{standard_normal, stream};
 
 use super::*;

@@ -1,3 +1,5 @@
+//! Every θ stands for a certified field.
+
 use search::normals::{standard_normal, stream};
 
 use super::*;

@@ -146,7 +146,6 @@ fn late(noise: f64, seed: u64, every: u32) -> f64 {
 fn one_rating_in_five_may_be_wrong() {
     let mean = |noise, every| (1..=20).map(|seed| late(noise, seed, every)).sum::<f64>() / 20.0;
     let (exact, noisy) = (mean(0.0, 5), mean(NOISY, 5));
-    println!("late: {exact} exact, {noisy} noisy; without errors {}", mean(NOISY, u32::MAX));
     assert!(noisy > 0.9 && noisy > exact + 0.1, "{exact} {noisy}");
     assert!(mean(NOISY, u32::MAX) > 0.9, "and without errors nothing is lost");
 }
