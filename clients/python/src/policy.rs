@@ -84,7 +84,8 @@ impl Springs {
             let activations = &activations[..n];
             xdd.extend(command.xdd.iter().copied());
             attractor.extend(command.attractor.iter().copied());
-            K.extend(self.stiffness(activations).iter().copied());
+            // By rows: systems need not be symmetric.
+            K.extend(self.stiffness(activations).transpose().iter().copied());
             h.extend_from_slice(activations);
         }
         Ok((packed(py, &xdd), packed(py, &attractor), packed(py, &K), packed(py, &h)))
