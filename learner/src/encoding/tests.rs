@@ -325,3 +325,54 @@ fn repetitions_of_one_movement_make_one_start() {
         }
     }
 }
+
+/// Springs follow what was shown of them; systems, whose target is one, stay where it began.
+#[test]
+fn coordinates_that_are_not_learnt_are_held_where_they_begin() {
+    let tilted = |kind| {
+        let shown = shown(kind);
+        let tilt = |(k, pose): (usize, &[f64; 6])| {
+            let mut pose = *pose;
+            (pose[3], pose[4]) = (0.2, 0.1 + 0.001 * k as f64);
+            pose
+        };
+        shown.with_poses(shown.poses().iter().enumerate().map(tilt).collect())
+    };
+    for kind in [EncodingKind::Gmr, EncodingKind::Seds, EncodingKind::Tsm] {
+        let policy = fit(&config(kind, 3).encoding(), &[tilted(kind)]).unwrap();
+        assert_eq!(policy.target[3..], [0.2, 0.1, 0.0], "{kind:?}");
+    }
+}
+
+/// What a task computes of a policy before its rollout it computes of springs.
+#[test]
+fn measures_are_predicted_where_the_loop_runs_springs() {
+    for kind in EncodingKind::ALL {
+        let config = config(kind, 4);
+        let predictor = crate::prediction::Predictor::new(|_| vec![("apex_m", 1.0)]);
+        let problem = Problem::new(&config, &[shown(kind)]).unwrap();
+        let problem = problem.with_prediction(&config, Some(predictor));
+        let is_predicted = problem.spaces[0].prediction.is_some();
+        let runs_springs = matches!(kind, EncodingKind::Springs | EncodingKind::Dmp);
+        assert_eq!(is_predicted, runs_springs, "{kind:?}");
+    }
+}
+
+/// Eq. (3) fitted on its own, with forces about the goal, is the policy that is fitted as springs.
+#[test]
+fn a_primitive_is_that_of_the_crate_imitation() {
+    use imitation::activations::Drive;
+    use imitation::dmp::{DmpOptions, Form};
+    let (_, policy) = encoding(&config(EncodingKind::Dmp, 4));
+    let (shown, n) = (pancake(), pancake().poses().len());
+    let points = nalgebra::DMatrix::from_fn(4, n, |c, k| shown.poses()[k][c]);
+    let recording = imitation::Recording::new("pancake", shown.period_s(), points).unwrap();
+    let drive = Drive::Decay { rate: policy.decay_rate };
+    let options = DmpOptions { form: Form::Plain, drive, n_components: 8, ..Default::default() };
+    let dmp = imitation::Dmp::fit(&[recording], &options).unwrap();
+    for (spring, force) in policy.components().iter().zip(&dmp.forces) {
+        let attractor = &dmp.goal + force / dmp.kappa_p;
+        let fitted = DVector::from_column_slice(&spring.attractor[..4]);
+        assert!((attractor - &fitted).amax() < 1e-4, "{fitted}");
+    }
+}

@@ -93,7 +93,7 @@ pub(super) fn least_squares(phi: &DMatrix<f64>, y: &DMatrix<f64>, ridge: f64) ->
 /// A policy of systems with these activations, whose systems do nothing yet.
 ///
 /// Departure from springs: coordinates that are not learnt have no reference that moves; they are held where
-/// they are on average.
+/// they begin, so that nothing jumps when the rollout does.
 pub(super) fn driven_by_time(
     bumps: &[Bump],
     task_dim: usize,
@@ -109,16 +109,16 @@ pub(super) fn driven_by_time(
     for (system, bump) in policy.systems.iter_mut().zip(bumps) {
         *system = bump.system();
     }
+    // Driven by time nothing is drawn to it, but admission looks whether it is near the arm.
+    policy.target = *demonstrations[0].poses().last().expect("a demonstration has poses");
     hold_the_rest(&mut policy, demonstrations);
     policy
 }
 
-/// The target of the coordinates that are not learnt: their mean over all demonstrations.
+/// The target of the coordinates that are not learnt: where the first demonstration begins.
 pub(super) fn hold_the_rest(policy: &mut PolicyMsg, demonstrations: &[Demonstration]) {
-    let poses = || demonstrations.iter().flat_map(Demonstration::poses);
-    for c in policy.task_dim as usize..TASK_DIM {
-        policy.target[c] = poses().map(|pose| pose[c]).sum::<f64>() / poses().count() as f64;
-    }
+    let d = policy.task_dim as usize;
+    policy.target[d..].copy_from_slice(&demonstrations[0].poses()[0][d..]);
 }
 
 /// That `policy` is valid and a policy of systems of the shape of `base`.
