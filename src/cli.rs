@@ -161,9 +161,12 @@ pub struct LearnArgs {
     /// Rollouts of the session, those of earlier runs included
     #[arg(long)]
     pub rollouts: Option<u64>,
-    /// Seed of the search; equal seeds give equal trials, bit for bit
+    /// Seed of the search; equal seeds give equal trials, bit for bit, where there is one cell
     #[arg(long)]
     pub seed: Option<u64>,
+    /// Cells that execute rollouts at the same time, each with an arm of its own
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=64))]
+    pub cells: u8,
     /// What paces the loop; in simulation the numbers do not depend on it
     #[arg(long, value_enum, default_value_t = PaceArg::Max)]
     pub pace: PaceArg,
@@ -251,11 +254,14 @@ pub struct ControllerArgs {
 }
 
 #[derive(Args)]
-#[command(after_help = "Example: skillet learner --cell kitchen --session sessions/kitchen")]
+#[command(after_help = "\
+Examples:
+  skillet learner --cell kitchen --session sessions/kitchen
+  skillet learner --cell left --cell right --session sessions/both    two arms, one session")]
 pub struct LearnerArgs {
-    /// Cell of the controller to work with; `cell.name` of the configuration when absent
+    /// Cell of the controller to work with, `cell.name` of the configuration when absent; once for each of several
     #[arg(long)]
-    pub cell: Option<String>,
+    pub cell: Vec<String>,
     /// Session folder to create or resume
     #[arg(long)]
     pub session: PathBuf,

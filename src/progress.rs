@@ -15,6 +15,9 @@ use crate::tty;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TrialLine {
     pub rollout: u64,
+    /// How many there are; where several cells learn, not the number of the newest.
+    #[serde(default)]
+    pub trials: u64,
     pub reward: f64,
     pub success: bool,
     /// `None` before the first rewarded trial.
@@ -34,6 +37,7 @@ impl TrialLine {
     pub fn so_far(summary: &Summary) -> TrialLine {
         TrialLine {
             rollout: summary.trials,
+            trials: summary.trials,
             reward: 0.0,
             success: false,
             best_reward: summary.best_rollout.map(|_| summary.best_reward),
@@ -46,6 +50,7 @@ impl TrialLine {
 
     pub fn add(&mut self, trial: &TrialReport) {
         self.rollout = trial.rollout;
+        self.trials += 1;
         self.reward = trial.reward;
         self.success = trial.success;
         if !trial.set_aside {
@@ -115,11 +120,11 @@ impl Progress {
         }
         match &self.bar {
             Some(bar) => {
-                bar.set_position(trial.rollout);
+                bar.set_position(trial.trials);
                 bar.set_message(message);
             }
-            None if trial.rollout.is_multiple_of(LINE_EVERY) || trial.rollout == self.rollouts => {
-                say(&format!("rollout {}/{}  {message}", trial.rollout, self.rollouts));
+            None if trial.trials.is_multiple_of(LINE_EVERY) || trial.trials == self.rollouts => {
+                say(&format!("rollout {}/{}  {message}", trial.trials, self.rollouts));
             }
             None => {}
         }

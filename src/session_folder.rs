@@ -88,9 +88,12 @@ impl SessionFolder {
         self.dir.join(format!("{process}.log"))
     }
 
-    /// How the controller's loop kept its time.
-    pub fn timing(&self) -> PathBuf {
-        self.dir.join(TIMING)
+    /// How the loop of controller `k`, from 0, kept its time.
+    pub fn timing(&self, k: usize) -> PathBuf {
+        match k {
+            0 => self.dir.join(TIMING),
+            _ => self.dir.join(format!("timing-{}.json", k + 1)),
+        }
     }
 
     /// The records of the rollout that a judge's program was asked about last.

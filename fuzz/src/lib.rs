@@ -132,7 +132,7 @@ pub fn session(folder: &Path, config: LearnerConfig, values: &[f64]) -> Learner 
     for value in values {
         let policy = learner.next_policy().expect("there is space");
         let header = echo(&policy, 12, *value);
-        learner.complete(&policy, &header, &[TickRecord::ZERO; 12]).expect("asked for");
+        learner.complete("", &header, &[TickRecord::ZERO; 12]).expect("asked for");
     }
     learner
 }

@@ -94,7 +94,7 @@ fuzz_target!(|data: &[u8]| {
         damage_values(rest);
     }
     if let Ok(store) = Store::open(&path) {
-        let _ = (store.trials(), store.searches(), store.events(), store.pending_proposal());
+        let _ = (store.trials(), store.searches(), store.events(), store.in_flight());
         let _ = (store.mode_reports(), store.has_current_modes());
         let _ = (store.trial_count(), store.durable_rollout(), store.initial_policy());
         for id in 0..4 {

@@ -12,9 +12,9 @@ pub struct History {
 }
 
 impl History {
-    /// The proposal of `rollout` sees all trials but the newest as the one before it did.
-    pub fn changes_only_the_newest_at(&self, rollout: u64) -> bool {
-        !self.wishes.changes_at(rollout) && self.ratings.only_rates_the_newest_at(rollout)
+    /// The proposals of `rollout` and on see all trials but `newest` as those before did.
+    pub fn changes_only_at(&self, rollout: u64, newest: u64) -> bool {
+        !self.wishes.changes_at(rollout) && self.ratings.only_rates_at(rollout, newest)
     }
 
     /// How a search that proposes `rollout` is told of trials, from the first one on.

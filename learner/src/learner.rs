@@ -10,11 +10,17 @@
 //!
 //! A trial and the proposal after it become durable in one transaction: a disk is waited for once a
 //! rollout.
+//!
+//! Several rollouts may be in flight, in as many cells. Each trial keeps how many trials were known when it was
+//! proposed and in which order trials were told, so a session is a function of configuration, seed and these.
+//! What changes how trials are seen, a wish or what people say, is taken when nothing is in flight.
 
 mod diary;
+mod flights;
 mod people;
 mod unexecuted;
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use shm_types::episode::{
@@ -34,13 +40,13 @@ use crate::modes::{ModeReport, assess, mode_policy_id};
 use crate::parameters::PolicyIds;
 use crate::path::{PathRow, decimate};
 use crate::problem::Problem;
-use crate::replay::{Replayed, Told, ask, replay, same_bits, told_anew};
+use crate::replay::{self, Replayed, Told, replay, told_anew};
 use crate::store::{Event, SessionMeta, Step, Store, TrialRecord};
 use crate::summary::{Summary, TrialReport};
 use crate::wish::{Telling, Wish};
 pub use diary::judged_by;
+use flights::Flight;
 pub use people::Taken;
-use search::trial::Proposal;
 use search::{AskTell, TellError};
 
 /// The session file within its folder.
@@ -58,8 +64,10 @@ pub struct Learner {
     judge: Judge,
     store: Store,
     mail: Mail,
+    /// In the order in which they were told.
     trials: Vec<TrialRecord>,
-    pending: Option<(Proposal, PolicyMsg)>,
+    /// What was proposed, durably, and has no trial yet, by rollout.
+    in_flight: BTreeMap<u64, Flight>,
 }
 
 impl Learner {
@@ -84,9 +92,10 @@ impl Learner {
         let config = meta.learner.clone();
         let mut store = Store::create(&directory.join(SESSION_FILE), meta, &initial)?;
         store.record_event("created", source)?;
-        let (history, trials) = (store.history()?, Vec::new());
-        let (search, telling) = replay(&config, &problem, &history, &trials, &mut |_| {})?;
-        let replayed = Replayed { problem, search, telling, history, trials };
+        let history = store.history()?;
+        let (search, telling) = told_anew(&config, &problem, history.telling(1), &[])?;
+        let (trials, in_flight) = (Vec::new(), Vec::new());
+        let replayed = Replayed { problem, search, telling, history, trials, in_flight };
         let mut learner = Learner::of(directory, config, store, judge, replayed);
         learner.follow_wish()?;
         learner.follow_judge()?;
@@ -125,10 +134,13 @@ impl Learner {
             return Err(LearnerError::Judge(JudgeError::OtherMeasures { found, expected }));
         }
         let replayed = Replayed::of(&store, demonstrations, judge.predictor(), on_told)?;
+        let asked = replayed.in_flight.clone();
         let mut learner = Learner::of(directory, config.clone(), store, judge, replayed);
-        learner.follow_wish()?;
-        if let Some(stored) = learner.store.pending_proposal()? {
-            learner.pending = Some(learner.reproduce(&stored)?);
+        for asked in asked {
+            learner.take_up(asked)?;
+        }
+        if learner.is_settled() {
+            learner.follow_wish()?;
         }
         let text = format!("after {} trials", learner.trials.len());
         learner.store.record_event("resumed", &text)?;
@@ -144,54 +156,48 @@ impl Learner {
         judge: Judge,
         replayed: Replayed,
     ) -> Learner {
-        let Replayed { problem, search, telling, history, trials } = replayed;
-        let (mail, pending) = (Mail::of(directory), None);
-        Learner { config, problem, search, telling, history, judge, store, mail, trials, pending }
+        let Replayed { problem, search, telling, history, trials, .. } = replayed;
+        let (mail, in_flight) = (Mail::of(directory), BTreeMap::new());
+        Learner { config, problem, search, telling, history, judge, store, mail, trials, in_flight }
+    }
+
+    /// The wish of the configuration is another one than that of the session so far.
+    fn has_other_wish(&self) -> bool {
+        self.history.wishes.last().map_or("", Wish::text) != self.config.wish
     }
 
     /// Takes the wish of the configuration, where it is another one than before: from here on the search is
-    /// the one that knows the trials so far as they look under it.
+    /// the one that knows the trials so far as they look under it. What was proposed before is taken back.
     fn follow_wish(&mut self) -> Result<(), LearnerError> {
-        let text = self.config.wish.clone();
-        if self.history.wishes.last().map_or("", Wish::text) == text {
+        if !self.has_other_wish() {
             return Ok(());
         }
+        let text = self.config.wish.clone();
         let wish = Wish::parse_any(&text, &self.store.meta().measures)
             .map_err(|error| LearnerError::Wish(Box::new(error)))?;
-        let next = self.durable_rollout() + 1;
+        let next = self.trials.len() as u64 + 1;
         let telling = Telling::new(wish.as_ref()).under(self.history.ratings.view(next));
         (self.search, self.telling) =
             told_anew(&self.config, &self.problem, telling, &self.trials)?;
         self.store.put_wish(&text, &self.search.snapshot(next))?;
         self.history.wishes = self.store.wishes()?;
+        self.in_flight.clear();
         let said = if text.is_empty() { "nothing".into() } else { format!("`{text}`") };
         let said = format!("from rollout {next} on a success must be so: {said}");
         tracing::info!("{said}");
         Ok(self.store.record_event("wish", &said)?)
     }
 
-    /// The policy to publish next, durable and sealed. Asking again before the rollout is completed
-    /// returns the same one.
-    pub fn next_policy(&mut self) -> Result<PolicyMsg, LearnerError> {
-        if let Some((_, policy)) = &self.pending {
-            return Ok(*policy);
-        }
-        let (proposal, policy) = self.propose(self.durable_rollout() + 1);
-        self.store.put_proposal(&proposal, &policy)?;
-        self.pending = Some((proposal, policy));
-        Ok(policy)
-    }
-
-    /// Takes the episode of `policy`, the one [`Learner::next_policy`] returned: checks that it
-    /// executed just that, has it judged, stores it and tells the search. As long as its judge is at work
+    /// Takes an episode from `cell`: checks that it executed just what is in flight as its rollout, has it
+    /// judged, stores it and tells the search. As long as its judge is at work
     /// ([`CompleteError::BeingJudged`]), hand the same episode in again.
     pub fn complete(
         &mut self,
-        policy: &PolicyMsg,
+        cell: &str,
         header: &EpisodeHeader,
         records: &[TickRecord],
     ) -> Result<TrialReport, CompleteError> {
-        let proposal = self.matching_proposal(policy, header)?;
+        let flight = self.matching_flight(header)?;
         let records = header.validate(records)?;
         if header.fault == FAULT_SWAPPED {
             return Err(CompleteError::Swapped { rollout: header.rollout });
@@ -206,28 +212,18 @@ impl Learner {
         if let Some(reason) = not_executed(header.fault) {
             return Err(CompleteError::NotExecuted { rollout: header.rollout, reason });
         }
-        let judged = self.judge.judge(policy, header, records);
+        let judged = self.judge.judge(&flight.policy, header, records);
         let (measures, success, reward) =
             judged.map_err(|error| CompleteError::not_judged(header.rollout, error))?;
         let trial = self.seen(TrialRecord {
-            rollout: header.rollout,
-            theta: proposal.theta.clone(),
-            reward,
-            success,
-            judged_success: success,
             own_reward: reward,
             own_success: success,
-            rating: None,
-            unrated: false,
-            policy_id: header.policy_id,
-            policy_digest: header.policy_digest,
             boot_id: header.boot_id,
             applied_tick: header.applied_tick,
             fault: header.fault,
             n_records: header.n_records,
-            set_aside: false,
-            is_mean: self.is_mean(proposal),
             measures,
+            ..self.unjudged(flight, cell)
         });
         self.tell(&trial)?;
         self.record(trial, &decimate(records), None)
@@ -263,21 +259,6 @@ impl Learner {
         path: &[PathRow],
         note: Option<&Event>,
     ) -> Result<TrialReport, CompleteError> {
-        let following = trial.rollout + 1;
-        let search = self.search.snapshot(following);
-        let goes_on = following <= self.config.rollouts && !self.waits_for_rating_of(&trial);
-        let next = goes_on.then(|| self.propose(following));
-        let step = Step { trial: &trial, path, search: &search, next: next.as_ref(), note };
-        if let Err(error) = self.store.record_step(&step) {
-            // What is not durable was not learnt.
-            let (config, problem, history) = (&self.config, &self.problem, &self.history);
-            (self.search, self.telling) =
-                replay(config, problem, history, &self.trials, &mut |_| {})
-                    .expect("these trials were reproduced before");
-            self.search.ask(trial.rollout);
-            return Err(CompleteError::Learner(error.into()));
-        }
-        self.pending = next;
         let report = TrialReport {
             rollout: trial.rollout,
             reward: trial.reward,
@@ -286,8 +267,37 @@ impl Learner {
             set_aside: trial.set_aside,
             measures: trial.measures,
         };
+        let landed = self.in_flight.remove(&trial.rollout);
         self.trials.push(trial);
+        let search = self.search.snapshot(self.next_rollout());
+        let next = self.may_ask().then(|| self.propose());
+        let step = Step {
+            trial: &self.trials[self.trials.len() - 1],
+            path,
+            search: &search,
+            durable_rollout: self.durable_rollout(),
+            next: next.as_ref().map(|flight| (&flight.asked, &flight.policy)),
+            note,
+        };
+        if let Err(error) = self.store.record_step(&step) {
+            self.trials.pop();
+            self.in_flight.extend(landed.map(|flight| (report.rollout, flight)));
+            self.forget_what_is_not_durable();
+            return Err(CompleteError::Learner(error.into()));
+        }
+        self.in_flight.extend(next.map(|flight| (flight.policy.rollout, flight)));
         Ok(report)
+    }
+
+    /// What is not durable was not learnt.
+    fn forget_what_is_not_durable(&mut self) {
+        let in_flight: Vec<_> =
+            self.in_flight.values().map(|flight| flight.asked.clone()).collect();
+        let (history, trials) = (&self.history, &self.trials);
+        let session = replay::Session { history, trials, in_flight: &in_flight };
+        (self.search, self.telling) =
+            replay(&self.config, &self.problem, &session, &mut |_| {})
+                .expect("these trials were reproduced before");
     }
 
     /// What the search has found so far, each with its policy; stored.
@@ -329,11 +339,6 @@ impl Learner {
         self.config.rollouts
     }
 
-    /// Every rollout up to this one is durable and may be acknowledged.
-    pub fn durable_rollout(&self) -> u64 {
-        self.trials.len() as u64
-    }
-
     pub fn session_id(&self) -> u64 {
         self.store.meta().session_id
     }
@@ -342,6 +347,7 @@ impl Learner {
         Summary::of(&self.trials)
     }
 
+    /// In the order in which they were told.
     pub fn trials(&self) -> &[TrialRecord] {
         &self.trials
     }
@@ -350,56 +356,7 @@ impl Learner {
         &self.store
     }
 
-    /// What is proposed is the mean of the search and no draw, nor its start.
-    fn is_mean(&self, proposal: &Proposal) -> bool {
-        proposal.rollout > 1 && proposal.theta == *self.search.mean()
-    }
-
     fn ids(&self, rollout: u64, policy_id: u64) -> PolicyIds {
         PolicyIds { session: self.session_id(), rollout, policy_id }
-    }
-
-    fn propose(&mut self, rollout: u64) -> (Proposal, PolicyMsg) {
-        let proposal = ask(&mut self.search, &self.problem, &self.history, &self.trials, rollout);
-        let policy = self.problem.decode(&proposal.theta, self.ids(rollout, rollout));
-        (proposal, policy)
-    }
-
-    /// The pending proposal again, and that it is what was stored before it was published.
-    fn reproduce(&mut self, stored: &Proposal) -> Result<(Proposal, PolicyMsg), LearnerError> {
-        let (proposal, policy) = self.propose(self.durable_rollout() + 1);
-        let same = proposal.rollout == stored.rollout
-            && same_bits(&proposal.theta, &stored.theta)
-            && self.store.policy(policy.policy_id)? == Some(policy);
-        if same {
-            Ok((proposal, policy))
-        } else {
-            Err(LearnerError::NotReproduced { rollout: stored.rollout })
-        }
-    }
-
-    /// The pending proposal, if `policy` is it and the episode echoes it.
-    fn matching_proposal(
-        &self,
-        policy: &PolicyMsg,
-        header: &EpisodeHeader,
-    ) -> Result<&Proposal, CompleteError> {
-        let (rollout, expected) = (header.rollout, self.session_id());
-        if header.session != expected {
-            return Err(CompleteError::ForeignSession { found: header.session, expected });
-        }
-        if (1..=self.durable_rollout()).contains(&rollout) {
-            return Err(CompleteError::Duplicate { rollout });
-        }
-        let Some((proposal, pending)) =
-            self.pending.as_ref().filter(|(_, pending)| pending.rollout == rollout)
-        else {
-            return Err(CompleteError::NotAsked { rollout });
-        };
-        let echo = (header.policy_id, header.policy_digest);
-        if pending != policy || echo != (policy.policy_id, policy.digest) {
-            return Err(CompleteError::OtherPolicy { rollout });
-        }
-        Ok(proposal)
     }
 }

@@ -58,9 +58,9 @@ impl Ratings {
         self.taken_at(rollout).next().is_some()
     }
 
-    /// All that is new at `rollout` is about the rollout before it.
-    pub fn only_rates_the_newest_at(&self, rollout: u64) -> bool {
-        self.taken_at(rollout).all(|rating| rating.rollout + 1 == rollout)
+    /// All that is new at `rollout` is about the trial `newest`.
+    pub fn only_rates_at(&self, rollout: u64, newest: u64) -> bool {
+        self.taken_at(rollout).all(|rating| rating.rollout == newest)
     }
 
     fn taken_at(&self, rollout: u64) -> impl Iterator<Item = &Rating> {
@@ -161,7 +161,7 @@ mod tests {
         assert_eq!((known(4), known(5)), (Some((true, 8.0)), None));
         let changes: Vec<u64> = (1..7).filter(|rollout| ratings.changes_at(*rollout)).collect();
         assert_eq!(changes, [2, 4, 5]);
-        assert!(ratings.only_rates_the_newest_at(2) && !ratings.only_rates_the_newest_at(4));
+        assert!(ratings.only_rates_at(2, 1) && !ratings.only_rates_at(4, 3));
 
         let mut shown = trial(1, true, 9.0);
         ratings.view(4).show(&mut shown);

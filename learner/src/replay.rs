@@ -1,5 +1,7 @@
 //! The search of a stored session, from its trials: the same search as when it ran.
 
+use std::collections::BTreeMap;
+
 use nalgebra::DVector;
 
 use crate::config::LearnerConfig;
@@ -9,7 +11,7 @@ use crate::history::History;
 use crate::prediction::Predictor;
 use crate::problem::Problem;
 use crate::repertoire::serve;
-use crate::store::{Store, TrialRecord};
+use crate::store::{Asked, Store, TrialRecord};
 use crate::wish::Telling;
 use search::AskTell;
 use search::trial::Proposal;
@@ -20,7 +22,10 @@ pub struct Replayed {
     pub search: AskTell,
     pub telling: Telling,
     pub history: History,
+    /// In the order in which they were told.
     pub trials: Vec<TrialRecord>,
+    /// What was proposed and has no trial.
+    pub in_flight: Vec<Asked>,
 }
 
 impl Replayed {
@@ -35,9 +40,12 @@ impl Replayed {
         let problem = Problem::around(&store.initial_policy()?, config, demonstrations)?
             .with_added(config, &store.added()?)?
             .with_prediction(config, predictor);
-        let (history, trials) = (store.history()?, store.trials()?);
-        let (search, telling) = replay(config, &problem, &history, &trials, on_told)?;
-        Ok(Replayed { problem, search, telling, history, trials })
+        let (history, mut trials, in_flight) =
+            (store.history()?, store.trials()?, store.in_flight()?);
+        trials.sort_by_key(|trial| trial.told);
+        let asked = Session { history: &history, trials: &trials, in_flight: &in_flight };
+        let (search, telling) = replay(config, &problem, &asked, on_told)?;
+        Ok(Replayed { problem, search, telling, history, trials, in_flight })
     }
 }
 
@@ -48,23 +56,54 @@ pub struct Told {
     pub of: usize,
 }
 
-/// The search after `trials`, each of which it must have proposed itself.
+/// What a search was told, and what it was asked.
+#[derive(Clone, Copy)]
+pub struct Session<'a> {
+    pub history: &'a History,
+    /// In the order in which they were told.
+    pub trials: &'a [TrialRecord],
+    pub in_flight: &'a [Asked],
+}
+
+impl Session<'_> {
+    /// Rollout and θ of what was asked, by the number of trials that were known then; in the order of asking.
+    fn asked(&self) -> BTreeMap<u64, BTreeMap<u64, &DVector<f64>>> {
+        let told = self.trials.iter().map(|trial| (trial.asked_after, trial.rollout, &trial.theta));
+        let in_flight = self.in_flight.iter();
+        let in_flight =
+            in_flight.map(|Asked { proposal, after, .. }| (*after, proposal.rollout, &proposal.theta));
+        let mut asked: BTreeMap<u64, BTreeMap<u64, &DVector<f64>>> = BTreeMap::new();
+        for (after, rollout, theta) in told.chain(in_flight) {
+            asked.entry(after).or_default().insert(rollout, theta);
+        }
+        asked
+    }
+}
+
+/// The search of a session, all of whose proposals it must have made itself, from what it knew then.
 pub fn replay(
     config: &LearnerConfig,
     problem: &Problem,
-    history: &History,
-    trials: &[TrialRecord],
+    session: &Session<'_>,
     on_told: &mut dyn FnMut(Told),
 ) -> Result<(AskTell, Telling), LearnerError> {
+    let Session { history, trials, .. } = *session;
     let (mut search, mut telling) = told_anew(config, problem, history.telling(1), &[])?;
-    for (trial, rollout) in trials.iter().zip(1..) {
-        let (before, known) = (&trials[..rollout as usize - 1], &trials[..rollout as usize]);
-        let asked = ask(&mut search, problem, history, before, rollout).theta;
-        if trial.rollout != rollout || !same_bits(&asked, &trial.theta) {
-            return Err(LearnerError::NotReproduced { rollout });
+    let mut asked = session.asked();
+    for place in 1..=trials.len() as u64 + 1 {
+        let known = &trials[..place as usize - 1];
+        for (rollout, theta) in asked.remove(&(place - 1)).into_iter().flatten() {
+            let again = ask(&mut search, problem, history, known, rollout);
+            if !same_bits(&again.theta, theta) {
+                return Err(LearnerError::NotReproduced { rollout });
+            }
         }
-        let next = rollout + 1;
-        if problem.grows_at(next) || !history.changes_only_the_newest_at(next) {
+        let Some(trial) = trials.get(place as usize - 1) else { break };
+        if trial.told != place || trial.asked_after >= place {
+            return Err(LearnerError::NotReproduced { rollout: trial.rollout });
+        }
+        let (next, known) = (place + 1, &trials[..place as usize]);
+        if problem.grows_at(next) || !history.changes_only_at(next, trial.rollout) {
             (search, telling) = told_anew(config, problem, history.telling(next), known)?;
         } else {
             if history.ratings.changes_at(next) {
@@ -73,13 +112,20 @@ pub fn replay(
             }
             tell(&mut search, &mut telling, trial, config)?;
         }
-        on_told(Told { trials: rollout as usize, of: trials.len() });
+        on_told(Told { trials: place as usize, of: trials.len() });
     }
-    Ok((search, telling))
+    // What was asked when more was known than there is.
+    match asked.into_values().flatten().next() {
+        Some((rollout, _)) => Err(LearnerError::NotReproduced { rollout }),
+        None => Ok((search, telling)),
+    }
 }
 
 /// What is executed as `rollout` after `trials`: a proposal of the search, but first of all under a new wish
 /// what the repertoire has for it.
+///
+/// Wishes, ratings and demonstrations count trials: they come when nothing is in flight, so that the first
+/// rollout asked after n trials is n + 1.
 pub fn ask(
     search: &mut AskTell,
     problem: &Problem,
@@ -88,8 +134,8 @@ pub fn ask(
     rollout: u64,
 ) -> Proposal {
     let proposal = search.ask(rollout);
-    let wishes = &history.wishes;
-    let wish = wishes.of_rollout(rollout).filter(|_| wishes.changes_at(rollout));
+    let (wishes, next) = (&history.wishes, trials.len() as u64 + 1);
+    let wish = wishes.of_rollout(rollout).filter(|_| rollout == next && wishes.changes_at(rollout));
     match wish.map(|wish| serve(&problem.spaces[0], &history.seen(trials, rollout), wish)) {
         Some(Ok(served)) => Proposal { theta: served.theta, ..proposal },
         _ => proposal,
@@ -138,6 +184,10 @@ mod tests {
     use shm_types::measures::Measures;
     use shm_types::policy::PolicyMsg;
 
+    fn told<'a>(history: &'a History, trials: &'a [TrialRecord]) -> Session<'a> {
+        Session { history, trials, in_flight: &[] }
+    }
+
     #[test]
     fn a_history_that_does_not_lead_here_is_refused_where_it_goes_astray() {
         let search = SearchConfig { method: Method::Tempered, ..Default::default() };
@@ -155,19 +205,21 @@ mod tests {
             trials.push(TrialRecord::of(trial, Measures::NONE));
         }
         let (mut heard, none) = (Vec::new(), History::default());
-        assert!(replay(&config, &problem, &none, &trials, &mut |told| heard.push(told)).is_ok());
+        assert!(replay(&config, &problem, &told(&none, &trials), &mut |told| heard.push(told)).is_ok());
         assert_eq!(heard.len(), 40);
         assert_eq!(heard[39], Told { trials: 40, of: 40 });
         let astray = |change: &dyn Fn(&mut TrialRecord)| {
             let mut trials = trials.clone();
             change(&mut trials[5]);
-            match replay(&config, &problem, &none, &trials, &mut |_| {}).err() {
+            match replay(&config, &problem, &told(&none, &trials), &mut |_| {}).err() {
                 Some(LearnerError::NotReproduced { rollout }) => rollout,
                 other => panic!("{other:?}"),
             }
         };
         assert_eq!(astray(&|trial| trial.theta[0] += 1e-9), 6);
-        assert_eq!(astray(&|trial| trial.rollout = 7), 6);
+        assert_eq!(astray(&|trial| trial.rollout = 7), 7);
+        assert_eq!(astray(&|trial| trial.told = 7), 6);
+        assert_eq!(astray(&|trial| trial.asked_after = 6), 6, "before it was asked");
         assert!(
             astray(&|trial| trial.own_reward += 1.0) > 6,
             "another reward leads elsewhere, later"
@@ -210,10 +262,10 @@ mod tests {
                 (search, telling) = told_anew(&config, &problem, anew, &trials).unwrap();
             }
         }
-        let (again, _) = replay(&config, &problem, &history, &trials, &mut |_| {}).unwrap();
+        let (again, _) = replay(&config, &problem, &told(&history, &trials), &mut |_| {}).unwrap();
         assert_eq!(again.snapshot(31), search.snapshot(31));
         let mut forgotten = history.clone();
         forgotten.ratings = Ratings::of(people, history.ratings.all()[1..].to_vec());
-        assert!(replay(&config, &problem, &forgotten, &trials, &mut |_| {}).is_err());
+        assert!(replay(&config, &problem, &told(&forgotten, &trials), &mut |_| {}).is_err());
     }
 }

@@ -1,36 +1,40 @@
-//! The session loop: ask → publish → receive → reward → tell → checkpoint.
+//! The session loop: ask → publish → receive → reward → tell → checkpoint, in every cell of the session.
 //!
 //! The loop never waits for ever: it wakes up at least every [`WAIT`], shows that it lives, and
 //! looks at `stop`. A controller that restarts is asked again; one that is silent is waited for,
 //! visibly. What it must not do twice, it does not: [`Learner::complete`] refuses an episode that
 //! is late, foreign or a duplicate.
+//!
+//! Where there are several cells, one rollout is in flight in each. A cell holds it on a lease of [`ROLLOUT`]: then
+//! another cell is asked for the same rollout, under the same number. The episode that is durable first counts,
+//! the other one is acknowledged and dropped.
 
-mod controller;
+mod episodes;
 mod event;
+mod link;
 mod news;
 mod people;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use shm_types::SCHEMA;
-use shm_types::episode::{Ack, EpisodeHeader, TickRecord};
+use shm_types::cell::Cell;
 use shm_types::policy::PolicyMsg;
-use shm_types::ports::LearnerPorts;
-use shm_types::telemetry::{Heartbeat, WAITS_DISK, WAITS_JUDGE, WAITS_NOT};
+use shm_types::ports::wait_for_episode;
+use shm_types::service_manager::{Notice, notify};
+use shm_types::telemetry::{ASKS_DEMONSTRATION, WAITS_DISK, WAITS_NOT};
 
-use crate::error::{CompleteError, LearnerError};
-use crate::judge::JudgeError;
+use crate::error::LearnerError;
 use crate::learner::Learner;
-use crate::summary::TrialReport;
 pub use event::{End, Event, SessionError};
+use link::{Link, Seen};
 use news::News;
 
 /// Longest wait for an episode before the loop looks around.
 const WAIT: Duration = Duration::from_millis(50);
 /// What the disk refused is tried again after this long.
 const RETRY: Duration = Duration::from_secs(1);
-const HOUSEKEEPING: Duration = Duration::from_secs(1);
+const WATCHDOG: Duration = Duration::from_secs(1);
 /// Unusable episodes of one rollout after which it is set aside, or, when it was not executed at
 /// all, the session ends.
 const ATTEMPTS: u32 = 3;
@@ -42,341 +46,207 @@ const REFUSED: u64 = 20;
 const NOT_JUDGED: u64 = 20;
 /// A judge that takes longer is what the learner is said to wait for.
 const LONG: Duration = Duration::from_secs(1);
-/// A rollout that takes longer, Approach included, is asked for again.
+/// A rollout that takes longer, Approach included, is asked for again, of another cell if there is one.
 const ROLLOUT: Duration = Duration::from_secs(30);
 
-/// Runs the session until it is done or stopped. When the disk refuses something, it waits if it
+/// Runs the session in these cells, each with what the session calls it, until it is done or stopped. When the disk refuses something, it waits if it
 /// `is_patient`, as a service is; else that is its end.
+///
+/// # Errors
+/// [`SessionError`]; everything before it is stored.
 pub fn run(
-    ports: LearnerPorts,
+    cells: Vec<(String, Cell)>,
     learner: &mut Learner,
     is_patient: bool,
     stop: &AtomicBool,
     on_event: &mut dyn FnMut(Event<'_>),
 ) -> Result<End, SessionError> {
-    let mut link = Link::new(ports, is_patient);
-    let end = link.learn(learner, stop, on_event)?;
-    link.beat(true);
+    let links = cells.into_iter().map(|(name, cell)| Link::new(name, cell, learner.trials())).collect();
+    let mut session = Session {
+        links,
+        learner,
+        is_patient,
+        stop,
+        on_event,
+        next_watchdog: Instant::now(),
+        waits: WAITS_NOT,
+        asks: false,
+        awaited: None,
+        news: News::default(),
+    };
+    let end = session.learn()?;
+    session.links.iter_mut().for_each(|link| link.beat(WAITS_NOT, true));
     Ok(end)
 }
 
-/// What became of an episode.
-type Completed = Result<TrialReport, CompleteError>;
-
-/// What ends the session, apart from what an episode may lack.
-fn sessions_end(completed: Completed) -> Result<Completed, LearnerError> {
-    match completed {
-        Err(CompleteError::Learner(error)) => Err(error),
-        completed => Ok(completed),
-    }
-}
-
-/// The learner's side of the cell, with what is known of the other side.
-struct Link {
-    ports: LearnerPorts,
+/// A learner with its cells.
+struct Session<'a> {
+    links: Vec<Link>,
+    learner: &'a mut Learner,
     is_patient: bool,
-    next_beat: Instant,
-    next_housekeeping: Instant,
-    beat_counter: u64,
-    controller: Option<Heartbeat>,
-    heard: Instant,
-    is_silent: bool,
-    is_pinned: bool,
-    /// Fault after which the arm is held, or 0.
-    latched: u64,
-    /// What this learner is waiting for, as the controller is told.
+    stop: &'a AtomicBool,
+    on_event: &'a mut dyn FnMut(Event<'_>),
+    next_watchdog: Instant,
+    /// What this learner is waiting for, as the controllers are told.
     waits: u64,
     /// The search stands still, and a demonstration would help.
     asks: bool,
-    set_aside_in_a_row: u32,
+    /// The rollout whose rating learning waits for.
+    awaited: Option<u64>,
     news: News,
 }
 
-impl Link {
-    fn new(ports: LearnerPorts, is_patient: bool) -> Link {
-        let now = Instant::now();
-        Link {
-            ports,
-            is_patient,
-            next_beat: now,
-            next_housekeeping: now + HOUSEKEEPING,
-            beat_counter: 0,
-            controller: None,
-            heard: now,
-            is_silent: false,
-            is_pinned: false,
-            latched: 0,
-            waits: WAITS_NOT,
-            asks: false,
-            set_aside_in_a_row: 0,
-            news: News::default(),
-        }
-    }
-
+impl Session<'_> {
     /// Trial after trial, until the session is done or stopped.
-    fn learn(
-        &mut self,
-        learner: &mut Learner,
-        stop: &AtomicBool,
-        on_event: &mut dyn FnMut(Event<'_>),
-    ) -> Result<End, SessionError> {
-        // The last acknowledgement of an earlier run may have been lost with its process.
-        self.acknowledge(learner);
-        self.news.all(&self.ports, learner);
-        if self.hear_people(learner, stop, on_event)?.is_none() {
-            return Ok(End::Stopped);
-        }
-        while !learner.is_done() {
-            let Some(policy) = self.stored(stop, on_event, || learner.next_policy())? else {
-                return Ok(End::Stopped);
-            };
-            self.publish(&policy)?;
-            let Some(report) = self.await_trial(learner, &policy, stop, on_event)? else {
-                return Ok(End::Stopped);
-            };
-            // Whether it was a success, a person may have to say first.
-            let is_rated_first = learner.awaits_rating().is_some();
-            if !is_rated_first {
-                self.acknowledge(learner);
-            }
-            on_event(Event::Trial(&report));
-            self.news.trial(&self.ports, learner, on_event);
-            if self.hear_people(learner, stop, on_event)?.is_none() {
-                return Ok(End::Stopped);
-            }
-            if is_rated_first {
-                self.acknowledge(learner);
-            }
-        }
-        Ok(End::Done)
-    }
-
-    fn publish(&self, policy: &PolicyMsg) -> Result<(), SessionError> {
-        self.ports.policies.send_copy(*policy).map(|_receivers| ()).map_err(|error| {
-            SessionError::Publish { rollout: policy.rollout, reason: format!("{error:?}") }
-        })
-    }
-
-    /// Tells the controller what is durable. It is cumulative, so a lost one does no harm.
-    fn acknowledge(&self, learner: &Learner) {
-        let (session, durable_rollout) = (learner.session_id(), learner.durable_rollout());
-        let success = u64::from(learner.trials().last().is_some_and(|trial| trial.success));
-        let ack = Ack { schema: SCHEMA, session, durable_rollout, success };
-        if let Err(error) = self.ports.acks.send_copy(ack) {
-            tracing::warn!("acknowledgement of rollout {durable_rollout} not sent: {error:?}");
-        }
-    }
-
-    /// Waits for the episode of `policy`; `None` when stopped.
-    fn await_trial(
-        &mut self,
-        learner: &mut Learner,
-        policy: &PolicyMsg,
-        stop: &AtomicBool,
-        on_event: &mut dyn FnMut(Event<'_>),
-    ) -> Result<Option<TrialReport>, SessionError> {
-        let mut asked = Instant::now();
-        let mut attempts = 0;
+    fn learn(&mut self) -> Result<End, SessionError> {
         loop {
-            while let Ok(Some(episode)) = self.ports.episodes.receive() {
-                let executed = (episode.user_header(), episode.payload());
-                let completed = self.completed(learner, policy, executed, stop, on_event)?;
-                let Some(completed) = completed else { return Ok(None) };
-                match completed {
-                    Ok(report) => {
-                        self.set_aside_in_a_row = 0;
-                        on_event(Event::executed(policy, executed.0, executed.1));
-                        return Ok(Some(report));
-                    }
-                    Err(CompleteError::Refused { rollout, reason }) => {
-                        return self.refused(learner, rollout, reason, stop, on_event);
-                    }
-                    Err(CompleteError::NotJudged { rollout, error }) => {
-                        return self.not_judged(learner, rollout, executed, &error, stop, on_event);
-                    }
-                    // An operator's or the machine's doing, as often as it comes: no attempt of ours.
-                    Err(
-                        no_trial @ (CompleteError::Swapped { rollout }
-                        | CompleteError::MachineFault { rollout }),
-                    ) => {
-                        on_event(Event::AskedAgain { rollout, reason: no_trial.to_string() });
-                        self.publish(policy)?;
-                        asked = Instant::now();
-                    }
-                    Err(
-                        unusable @ (CompleteError::Invalid(_)
-                        | CompleteError::NotExecuted { .. }
-                        | CompleteError::Tell(_)),
-                    ) => {
-                        let was_executed = !matches!(unusable, CompleteError::NotExecuted { .. });
-                        attempts += 1;
-                        let (rollout, reason) = (policy.rollout, unusable.to_string());
-                        if attempts == ATTEMPTS && !was_executed {
-                            return Err(SessionError::NotExecuted { rollout, attempts, reason });
-                        }
-                        if attempts == ATTEMPTS {
-                            return self.set_aside(learner, rollout, reason, stop, on_event);
-                        }
-                        on_event(Event::AskedAgain { rollout, reason });
-                        self.publish(policy)?;
-                        asked = Instant::now();
-                    }
-                    Err(refused) => tracing::warn!("episode refused: {refused}"),
+            let Some(may_ask) = self.hear_people()? else { return Ok(End::Stopped) };
+            if self.learner.is_done() && may_ask {
+                // The last acknowledgements of an earlier run may have been lost with its process.
+                self.acknowledge_all();
+                return Ok(End::Done);
+            }
+            if self.hand_out(may_ask)?.is_none() {
+                return Ok(End::Stopped);
+            }
+            let Some(taken) = self.take_episodes()? else { return Ok(End::Stopped) };
+            if self.is_stopped() {
+                return Ok(End::Stopped);
+            }
+            self.look_around()?;
+            if taken == 0 {
+                self.wait();
+            }
+        }
+    }
+
+    /// Asks every cell that is free for a rollout; `None` when stopped.
+    fn hand_out(&mut self, may_ask: bool) -> Result<Option<()>, SessionError> {
+        for k in 0..self.links.len() {
+            if !self.is_free(k) {
+                continue;
+            }
+            let policy = match self.left_over(may_ask) {
+                Some(policy) => policy,
+                None if may_ask => match self.stored(Learner::another_policy)? {
+                    Some(Some(policy)) => policy,
+                    Some(None) => break, // all of them are asked for
+                    None => return Ok(None),
+                },
+                None => break,
+            };
+            self.links[k].ask(policy)?;
+        }
+        Ok(Some(()))
+    }
+
+    /// A rollout in flight that no cell was asked for: proposed with the trial before it, left by a cell, or by an
+    /// earlier run. Before people are heard only what must come back first.
+    fn left_over(&self, may_ask: bool) -> Option<PolicyMsg> {
+        let told = self.learner.trials().iter().map(|trial| trial.rollout).max().unwrap_or(0);
+        let is_asked = |rollout| self.links.iter().any(|link| link.has(rollout));
+        let mut left = self.learner.in_flight().filter(|policy| !is_asked(policy.rollout));
+        left.find(|policy| may_ask || policy.rollout < told).copied()
+    }
+
+    /// Cell `k` can be asked for a rollout. The only one waits for its turn; among several, those are asked that
+    /// can execute it at once.
+    fn is_free(&self, k: usize) -> bool {
+        let link = &self.links[k];
+        let is_alone = self.links.len() == 1;
+        let has_rested = link.rests_until.is_none_or(|until| Instant::now() >= until);
+        link.asked.is_none()
+            && link.ports.is_some()
+            && !link.is_retired
+            && (is_alone || (link.is_able() && has_rested))
+    }
+
+    /// Beats, listens to the controllers, and asks again where it must be.
+    fn look_around(&mut self) -> Result<(), SessionError> {
+        let now = Instant::now();
+        if now >= self.next_watchdog {
+            self.next_watchdog = now + WATCHDOG;
+            notify(&[Notice::Watchdog]);
+        }
+        let waits = match self.waits {
+            WAITS_NOT if self.asks => ASKS_DEMONSTRATION,
+            waits => waits,
+        };
+        for k in 0..self.links.len() {
+            let seen = self.links[k].look(waits, &mut *self.on_event)?;
+            if seen == Seen::NewController {
+                self.acknowledge(k);
+                if let Some(ports) = &self.links[k].ports {
+                    self.news.all(ports, self.learner);
                 }
             }
-            if stop.load(Ordering::Relaxed) {
-                return Ok(None);
-            }
-            let restarted = self.look_around(on_event)?;
-            if self.is_pinned || self.latched != 0 {
-                asked = Instant::now(); // it waits for its turn
-            }
-            let reason = match (restarted, asked.elapsed() >= ROLLOUT && !self.is_silent) {
-                (true, _) => Some("the controller has restarted".to_string()),
-                (_, true) => Some("its episode did not come".to_string()),
-                _ => None,
-            };
-            if let Some(reason) = reason {
-                on_event(Event::AskedAgain { rollout: policy.rollout, reason });
-                self.acknowledge(learner);
-                self.news.all(&self.ports, learner);
-                self.publish(policy)?;
-                asked = Instant::now();
-            }
-            self.wait();
+            self.look_after(k, seen)?;
         }
+        Ok(())
     }
 
-    /// Has an episode judged, however long its judge takes, and stored; `None` when stopped. The controller
-    /// hears meanwhile that this learner lives.
-    fn completed(
-        &mut self,
-        learner: &mut Learner,
-        policy: &PolicyMsg,
-        (header, records): (&EpisodeHeader, &[TickRecord]),
-        stop: &AtomicBool,
-        on_event: &mut dyn FnMut(Event<'_>),
-    ) -> Result<Option<Completed>, SessionError> {
-        let since = Instant::now();
-        loop {
-            let complete = || sessions_end(learner.complete(policy, header, records));
-            match self.stored(stop, on_event, complete)? {
-                Some(Err(CompleteError::BeingJudged { .. })) => {}
-                completed => return Ok(completed),
-            }
-            if stop.load(Ordering::Relaxed) {
-                return Ok(None);
-            }
-            if since.elapsed() >= LONG {
-                self.waits = WAITS_JUDGE;
-            }
-            // Who restarted meanwhile gets the next policy.
-            self.look_around(on_event)?;
+    /// Asks cell `k` again for what it has not done, or leaves that to others.
+    fn look_after(&mut self, k: usize, seen: Seen) -> Result<(), SessionError> {
+        let is_alone = self.links.len() == 1;
+        let link = &mut self.links[k];
+        let (is_able, is_silent) = (link.is_able(), link.is_silent());
+        let Some(asked) = &mut link.asked else { return Ok(()) };
+        let rollout = asked.policy.rollout;
+        if is_alone && !is_able && !is_silent {
+            asked.since = Instant::now(); // it waits for its turn
         }
+        let is_over = asked.since.elapsed() >= ROLLOUT;
+        let reason = match seen {
+            Seen::NewController => "the controller has restarted",
+            Seen::Nothing if is_over && !is_alone => {
+                link.rest();
+                (self.on_event)(Event::LeftToOthers { cell: link.name(), rollout });
+                return Ok(());
+            }
+            Seen::Nothing if is_over && !is_silent => "its episode did not come",
+            Seen::Nothing => return Ok(()),
+        };
+        (self.on_event)(Event::AskedAgain { cell: link.name(), rollout, reason: reason.into() });
+        link.ask_again()
+    }
+
+    fn acknowledge(&self, k: usize) {
+        let (link, learner) = (&self.links[k], &*self.learner);
+        let newest = learner.trials().iter().rev().find(|trial| trial.rollout == link.newest);
+        let is_success = newest.is_some_and(|trial| trial.success);
+        link.acknowledge(learner.session_id(), learner.durable_rollout(), is_success);
+    }
+
+    fn acknowledge_all(&self) {
+        (0..self.links.len()).for_each(|k| self.acknowledge(k));
+    }
+
+    fn is_stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
     }
 
     /// For an episode, or a moment.
     fn wait(&self) {
+        let cells: Vec<_> = self.links.iter().filter_map(|link| link.ports.as_ref()).collect();
         // A failed wait must not turn the loop into a spin.
-        if self.ports.episode_sent.timed_wait(|_| {}, WAIT).is_err() {
+        if cells.is_empty() || !wait_for_episode(&cells, WAIT) {
             std::thread::sleep(WAIT);
         }
-    }
-
-    /// Goes on after a policy that the controller refused: asked again, it would say the same.
-    fn refused(
-        &mut self,
-        learner: &mut Learner,
-        rollout: u64,
-        reason: String,
-        stop: &AtomicBool,
-        on_event: &mut dyn FnMut(Event<'_>),
-    ) -> Result<Option<TrialReport>, SessionError> {
-        if learner.asks_for_the_start() {
-            return Err(SessionError::StartRefused { rollout, reason });
-        }
-        let report = self.stored_trial(stop, on_event, || learner.refused(&reason))?;
-        let rollouts = learner.refused_in_a_row();
-        if rollouts >= REFUSED {
-            return Err(SessionError::AllRefused { rollouts, last: rollout, reason });
-        }
-        if report.is_some() {
-            on_event(Event::Refused { rollout, reason });
-        }
-        Ok(report)
-    }
-
-    /// Goes on without a rollout of which there is no verdict: executed again, it would be the same.
-    fn not_judged(
-        &mut self,
-        learner: &mut Learner,
-        rollout: u64,
-        (header, records): (&EpisodeHeader, &[TickRecord]),
-        error: &JudgeError,
-        stop: &AtomicBool,
-        on_event: &mut dyn FnMut(Event<'_>),
-    ) -> Result<Option<TrialReport>, SessionError> {
-        let store = || learner.not_judged(header, records, error);
-        let report = self.stored_trial(stop, on_event, store)?;
-        let (rollouts, reason) = (learner.set_aside_in_a_row(), error.to_string());
-        if rollouts >= NOT_JUDGED {
-            return Err(SessionError::NoneJudged { rollouts, last: rollout, reason });
-        }
-        if report.is_some() {
-            on_event(Event::SetAside { rollout, reason });
-        }
-        Ok(report)
-    }
-
-    /// Goes on without a rollout that cannot be used.
-    fn set_aside(
-        &mut self,
-        learner: &mut Learner,
-        rollout: u64,
-        reason: String,
-        stop: &AtomicBool,
-        on_event: &mut dyn FnMut(Event<'_>),
-    ) -> Result<Option<TrialReport>, SessionError> {
-        self.set_aside_in_a_row += 1;
-        if self.set_aside_in_a_row == SET_ASIDE {
-            return Err(SessionError::Unusable { rollouts: SET_ASIDE, last: rollout, reason });
-        }
-        let report = self.stored_trial(stop, on_event, || learner.set_aside(&reason))?;
-        if report.is_some() {
-            on_event(Event::SetAside { rollout, reason });
-        }
-        Ok(report)
-    }
-
-    /// The same for a trial of the pending rollout, of which only the disk can say no.
-    fn stored_trial(
-        &mut self,
-        stop: &AtomicBool,
-        on_event: &mut dyn FnMut(Event<'_>),
-        mut store: impl FnMut() -> Result<TrialReport, CompleteError>,
-    ) -> Result<Option<TrialReport>, SessionError> {
-        self.stored(stop, on_event, || match store() {
-            Ok(report) => Ok(report),
-            Err(CompleteError::Learner(error)) => Err(error),
-            Err(other) => unreachable!("the rollout is pending: {other}"),
-        })
     }
 
     /// Has something stored, again and again while the disk refuses it; `None` when stopped. Nothing
     /// is lost meanwhile: what was not stored was not learnt, published or acknowledged.
     fn stored<T>(
         &mut self,
-        stop: &AtomicBool,
-        on_event: &mut dyn FnMut(Event<'_>),
-        mut store: impl FnMut() -> Result<T, LearnerError>,
+        mut store: impl FnMut(&mut Learner) -> Result<T, LearnerError>,
     ) -> Result<Option<T>, SessionError> {
         let mut refused: Option<Instant> = None;
         loop {
             if refused.is_none_or(|at| at.elapsed() >= RETRY) {
-                match store() {
+                match store(self.learner) {
                     Err(LearnerError::Store(error)) if self.is_patient && error.may_pass() => {
                         if refused.is_none() {
-                            on_event(Event::NotStored(error.to_string()));
+                            (self.on_event)(Event::NotStored(error.to_string()));
                             self.waits = WAITS_DISK;
                         }
                         refused = Some(Instant::now());
@@ -384,17 +254,16 @@ impl Link {
                     result => {
                         self.waits = WAITS_NOT;
                         if refused.is_some() && result.is_ok() {
-                            on_event(Event::Stored);
+                            (self.on_event)(Event::Stored);
                         }
                         return Ok(Some(result?));
                     }
                 }
             }
-            if stop.load(Ordering::Relaxed) {
+            if self.is_stopped() {
                 return Ok(None);
             }
-            // Who restarted meanwhile gets the next policy.
-            self.look_around(on_event)?;
+            self.look_around()?;
             std::thread::sleep(WAIT);
         }
     }

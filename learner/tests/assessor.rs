@@ -75,11 +75,11 @@ fn an_episode_is_handed_in_until_its_judge_has_answered() {
     let policy = learner.next_policy().unwrap();
     let (header, records) = execute(&policy);
     for _ in 0..2 {
-        let error = learner.complete(&policy, &header, &records).unwrap_err();
+        let error = learner.complete("", &header, &records).unwrap_err();
         assert!(matches!(error, CompleteError::BeingJudged { rollout: 1 }), "{error:?}");
         assert_eq!(learner.durable_rollout(), 0);
     }
-    let report = learner.complete(&policy, &header, &records).unwrap();
+    let report = learner.complete("", &header, &records).unwrap();
     assert_eq!((report.rollout, report.measures.get("gap")), (1, Some(0.25)));
     assert_eq!(learner.trials()[0].measures.declared(), learner.store().meta().measures);
 }
@@ -93,17 +93,17 @@ fn a_broken_judge_loses_nothing_and_a_full_disk_is_waited_for() {
     let mut learner = session(directory.path(), vec![broken, refused]);
     let policy = learner.next_policy().unwrap();
     let (header, records) = execute(&policy);
-    let error = learner.complete(&policy, &header, &records).unwrap_err();
+    let error = learner.complete("", &header, &records).unwrap_err();
     assert!(matches!(error, CompleteError::Learner(LearnerError::Judge(_))), "{error:?}");
     assert_eq!(error.to_string(), "it is broken");
-    match learner.complete(&policy, &header, &records).unwrap_err() {
+    match learner.complete("", &header, &records).unwrap_err() {
         CompleteError::Learner(LearnerError::Store(error)) => {
             assert!(error.may_pass() && error.to_string().contains("rollout.npy"), "{error}");
         }
         other => panic!("{other:?}"),
     }
     assert_eq!((learner.durable_rollout(), learner.next_policy().unwrap()), (0, policy));
-    learner.complete(&policy, &header, &records).expect("the same episode, judged at last");
+    learner.complete("", &header, &records).expect("the same episode, judged at last");
 }
 
 #[test]
@@ -114,9 +114,9 @@ fn a_rollout_that_is_declined_is_set_aside_and_the_diary_knows_every_judge() {
     for rollout in 1..=3 {
         let policy = learner.next_policy().unwrap();
         let (header, records) = execute(&policy);
-        match learner.complete(&policy, &header, &records) {
+        match learner.complete("", &header, &records) {
             Err(CompleteError::NotJudged { rollout: 2, error }) => {
-                let report = learner.not_judged(&header, &records, &error).unwrap();
+                let report = learner.not_judged("", &header, &records, &error).unwrap();
                 assert!(report.set_aside && report.measures.is_empty());
             }
             completed => assert_eq!(completed.unwrap().rollout, rollout),

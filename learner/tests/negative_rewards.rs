@@ -28,7 +28,7 @@ fn action_session(directory: &Path, search: SearchConfig) -> Learner {
 fn complete_with_a_cost(learner: &mut Learner) -> Result<f64, CompleteError> {
     let policy = learner.next_policy().expect("the disk has space");
     let (header, records) = execute_action(&policy);
-    learner.complete(&policy, &header, &records).map(|report| report.reward)
+    learner.complete("", &header, &records).map(|report| report.reward)
 }
 
 fn execute_action(policy: &PolicyMsg) -> (EpisodeHeader, Vec<TickRecord>) {
@@ -53,11 +53,11 @@ fn negative_rewards_are_stored_and_learnt_from() {
     assert_eq!(again.trials().iter().map(|trial| trial.reward).collect::<Vec<_>>(), rewards);
 
     again.next_policy().unwrap();
-    let refused = again.refused("a test").unwrap();
+    let refused = again.refused("", 81, "a test").unwrap();
     let worst = rewards.iter().copied().fold(0.0, f64::min);
     assert_eq!(refused.reward, worst, "a policy that was refused is no better than the worst");
     again.next_policy().unwrap();
-    again.set_aside("a test").unwrap();
+    again.set_aside("", 82, "a test").unwrap();
     assert!(again.summary().best_reward <= -1.0, "what was set aside is not the best");
 }
 

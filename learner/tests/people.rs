@@ -47,7 +47,7 @@ fn execute(policy: &PolicyMsg) -> (EpisodeHeader, Vec<TickRecord>) {
 fn step(learner: &mut Learner) {
     let policy = learner.next_policy().expect("the disk has space");
     let (header, records) = execute(&policy);
-    learner.complete(&policy, &header, &records).expect("the episode is its own");
+    learner.complete("", &header, &records).expect("the episode is its own");
 }
 
 fn thetas(learner: &Learner) -> Vec<Vec<u64>> {
@@ -200,7 +200,7 @@ fn learning_waits_for_the_rating_of_each_rollout() {
         assert_eq!(learner.awaits_rating(), None);
         step(&mut learner);
         assert_eq!(learner.awaits_rating(), Some(n));
-        assert_eq!(learner.store().pending_proposal().unwrap(), None, "it waits for the rating");
+        assert_eq!(learner.store().in_flight().unwrap(), [], "it waits for the rating");
         if n == 6 {
             drop(learner);
             learner = session(directory.path(), &config, &[]);

@@ -73,7 +73,7 @@ fn run(learner: &mut Learner, until: u64) {
     while learner.durable_rollout() < until {
         let policy = learner.next_policy().expect("the disk has space");
         let (header, records) = execute(&policy);
-        let report = learner.complete(&policy, &header, &records).expect("the episode is its own");
+        let report = learner.complete("", &header, &records).expect("the episode is its own");
         assert_eq!(report.reward, 0.5 * header.measures.get("apex_m").unwrap());
     }
 }
@@ -143,7 +143,7 @@ fn a_crash_after_publishing_loses_no_rollout() {
             .unwrap();
     // The controller finished the rollout meanwhile: its episode counts without asking again.
     let (header, records) = execute(&published);
-    assert_eq!(learner.complete(&published, &header, &records).unwrap().rollout, 16);
+    assert_eq!(learner.complete("", &header, &records).unwrap().rollout, 16);
     assert_eq!(learner.next_policy().unwrap().rollout, 17);
     drop(learner);
 
@@ -183,7 +183,7 @@ fn refuses_episodes_that_are_not_its_own_and_changes_nothing() {
     let policy = learner.next_policy().unwrap();
     let (header, records) = execute(&policy);
     let mut refused = |header: EpisodeHeader, records: &[TickRecord]| {
-        learner.complete(&policy, &header, records).expect_err("not its own")
+        learner.complete("", &header, records).expect_err("not its own")
     };
 
     let foreign = refused(EpisodeHeader { session: 1, ..header }, &records);
@@ -201,13 +201,9 @@ fn refuses_episodes_that_are_not_its_own_and_changes_nothing() {
     let short = refused(header, &records[..3]);
     assert!(matches!(short, CompleteError::Invalid(_)));
 
-    let altered = PolicyMsg { duration_s: 2.0, ..policy }.sealed();
-    let other = learner.complete(&altered, &header, &records).expect_err("never published");
-    assert!(matches!(other, CompleteError::OtherPolicy { rollout: 13 }));
-
     assert_eq!(learner.store().trial_count().unwrap(), 12);
     assert_eq!(learner.next_policy().unwrap(), policy);
-    learner.complete(&policy, &header, &records).expect("the right one still counts");
+    learner.complete("", &header, &records).expect("the right one still counts");
     assert_eq!(learner.store().path(13).unwrap().map(|rows| rows.len()), Some(3));
 }
 
@@ -223,11 +219,11 @@ fn a_trial_that_could_not_be_stored_was_not_learnt() {
     let database = rusqlite::Connection::open(directory.path().join(SESSION_FILE)).unwrap();
     database.execute_batch("PRAGMA foreign_keys = OFF").unwrap();
     database.execute_batch("INSERT INTO searches VALUES (21, 0, x'', x'', 0)").unwrap();
-    let error = learner.complete(&policy, &header, &records).expect_err("the row is taken");
+    let error = learner.complete("", &header, &records).expect_err("the row is taken");
     assert!(matches!(error, CompleteError::Learner(LearnerError::Store(_))), "{error}");
     assert_eq!(mode_policy(&mut learner), mean);
     database.execute_batch("DELETE FROM searches WHERE rollout = 21").unwrap();
-    learner.complete(&policy, &header, &records).expect("it can be stored now");
+    learner.complete("", &header, &records).expect("it can be stored now");
 
     let reference_directory = TempDir::new().unwrap();
     let mut reference = create(reference_directory.path(), config(3));
@@ -241,20 +237,20 @@ fn a_trial_is_stored_with_the_proposal_after_it() {
     let directory = TempDir::new().unwrap();
     let mut learner = create(directory.path(), config(3));
     run(&mut learner, 20);
-    let pending = |learner: &Learner| learner.store().pending_proposal().unwrap();
-    assert_eq!(pending(&learner).map(|proposal| proposal.rollout), Some(21));
+    let pending = |learner: &Learner| learner.store().in_flight().unwrap();
+    assert_eq!(pending(&learner)[0].proposal.rollout, 21);
     let policy = learner.next_policy().unwrap();
     let (header, records) = execute(&policy);
     // Another program put a row where the next proposal belongs.
     let database = rusqlite::Connection::open(directory.path().join(SESSION_FILE)).unwrap();
     database.execute_batch("INSERT INTO proposals VALUES (22, 0, x'')").unwrap();
     let before = mode_policy(&mut learner);
-    learner.complete(&policy, &header, &records).expect_err("the row is taken");
-    learner.set_aside("neither").expect_err("the row is taken");
+    learner.complete("", &header, &records).expect_err("the row is taken");
+    learner.set_aside("", 21, "neither").expect_err("the row is taken");
     assert_eq!((learner.durable_rollout(), learner.store().trial_count().unwrap()), (20, 20));
     assert_eq!((learner.next_policy().unwrap(), mode_policy(&mut learner)), (policy, before));
     database.execute_batch("DELETE FROM proposals WHERE rollout = 22").unwrap();
-    learner.complete(&policy, &header, &records).expect("it can be stored now");
+    learner.complete("", &header, &records).expect("it can be stored now");
     let events = learner.store().events().unwrap();
     assert!(events.iter().all(|event| event.kind == "created"), "{events:?}");
 
@@ -267,12 +263,12 @@ fn a_trial_is_stored_with_the_proposal_after_it() {
     let mut learner = resume(23);
     assert_eq!(Some(learner.next_policy().unwrap()), next);
     run(&mut learner, 23);
-    assert!(learner.is_done() && pending(&learner).is_none(), "nothing after the last one");
+    assert!(learner.is_done() && pending(&learner).is_empty(), "nothing after the last one");
     drop(learner);
     let mut learner = resume(25);
-    assert!(pending(&learner).is_none());
+    assert!(pending(&learner).is_empty());
     assert_eq!(learner.next_policy().unwrap().rollout, 24);
-    assert_eq!(pending(&learner).map(|proposal| proposal.rollout), Some(24));
+    assert_eq!(pending(&learner)[0].proposal.rollout, 24);
     run(&mut learner, 25);
 
     let reference_directory = TempDir::new().unwrap();
@@ -291,9 +287,9 @@ fn a_rollout_set_aside_is_counted_and_not_learnt_and_the_session_resumes() {
     let (header, records) = execute(&policy);
     let mut spoilt = header;
     spoilt.measures.values[1] = f64::NAN;
-    let error = learner.complete(&policy, &spoilt, &records);
+    let error = learner.complete("", &spoilt, &records);
     assert!(matches!(error, Err(CompleteError::Invalid(_))));
-    assert!(learner.set_aside("apex_m is NaN").unwrap().set_aside);
+    assert!(learner.set_aside("", 13, "apex_m is NaN").unwrap().set_aside);
 
     assert_eq!((learner.durable_rollout(), learner.summary().set_aside), (13, 1));
     let after = mode_policy(&mut learner);
@@ -318,12 +314,12 @@ fn other_measures_than_the_sessions_are_refused_with_both_lists() {
     let (header, records) = execute(&policy);
     let height = Measure { name: "height_m", unit: "m", value: 0.5 };
     let other = EpisodeHeader { measures: Measures::of([height]).unwrap(), ..header };
-    let error = learner.complete(&policy, &other, &records).unwrap_err();
+    let error = learner.complete("", &other, &records).unwrap_err();
     assert!(matches!(error, CompleteError::Learner(LearnerError::Judge(_))), "{error:?}");
     let message = error.to_string();
     assert!(message.contains("height_m (m)") && message.contains("caught (bool), apex_m (m)"));
     // Nothing is lost: the plant it began with goes on.
-    learner.complete(&policy, &header, &records).unwrap();
+    learner.complete("", &header, &records).unwrap();
     drop(learner);
 
     let judge = Judge::of_plant(&[("height_m", "m")], RewardConfig::default());

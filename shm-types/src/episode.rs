@@ -103,11 +103,15 @@ message! {
 }
 
 message! {
-    /// Learner → controller: every rollout of `session` up to this one is durable.
-    pub struct Ack as "skillet/Ack/2" {
+    /// Learner → controller: what is durable. A learner with several cells has rollouts in flight elsewhere
+    /// that are older than the newest one of this cell.
+    pub struct Ack as "skillet/Ack/3" {
         pub schema: u64,
         pub session: u64,
+        /// Every rollout of `session` up to this one.
         pub durable_rollout: u64,
+        /// And this one, the newest that this cell executed; 0 before the first.
+        pub rollout: u64,
         /// 1: that one was a success, as it was judged. Only the learner knows.
         pub success: u64,
     }
@@ -181,6 +185,13 @@ impl Default for EpisodeHeader {
             reason: NO_REASON,
             measures: Measures::NONE,
         }
+    }
+}
+
+impl Ack {
+    /// This rollout is durable, by what is acknowledged here.
+    pub fn covers(&self, session: u64, rollout: u64) -> bool {
+        self.session == session && (rollout <= self.durable_rollout || rollout == self.rollout)
     }
 }
 

@@ -197,6 +197,25 @@ impl LearnerPorts {
     }
 }
 
+/// Waits until an episode is sent in one of these cells, or for `timeout`. False if it cannot wait.
+pub fn wait_for_episode(cells: &[&LearnerPorts], timeout: Duration) -> bool {
+    if let [only] = cells {
+        return only.episode_sent.timed_wait(|_| {}, timeout).is_ok();
+    }
+    let disabled = SignalHandlingMode::Disabled;
+    let Ok(all) = WaitSetBuilder::new().signal_handling_mode(disabled).create::<Ipc>() else {
+        return false;
+    };
+    let attached: Vec<_> =
+        cells.iter().filter_map(|cell| all.attach_notification(&cell.episode_sent).ok()).collect();
+    let on_any = |_| CallbackProgression::Stop;
+    let woken = all.wait_and_process_once_with_timeout(on_any, timeout).is_ok();
+    for cell in cells {
+        let _ = cell.episode_sent.try_wait(|_| {});
+    }
+    woken && attached.len() == cells.len()
+}
+
 /// Repeats `open` in the current generation while services are absent, coming up or going down, up
 /// to `timeout`.
 pub(crate) fn with_retry<T>(

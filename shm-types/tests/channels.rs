@@ -63,10 +63,12 @@ fn policy_goes_out_and_its_episode_comes_back_in_place() {
 
     learner
         .acks
-        .send_copy(Ack { schema: SCHEMA, session: 1, durable_rollout: 7, success: 1 })
+        .send_copy(Ack { schema: SCHEMA, session: 1, durable_rollout: 7, rollout: 9, success: 1 })
         .unwrap();
     let ack = eventually("ack", || controller.acks.receive().unwrap());
-    assert_eq!(ack.durable_rollout, 7);
+    let covered: Vec<u64> = (5..11).filter(|rollout| ack.covers(1, *rollout)).collect();
+    assert_eq!(covered, [5, 6, 7, 9]);
+    assert!(!ack.covers(2, 7));
 
     drop((controller, learner, received, episode, ack, lock));
     cell.remove_if_idle();

@@ -1,6 +1,6 @@
 //! `skillet learn`: both services in a private cell, progress, summary, report.
 
-use std::ffi::OsStr;
+use std::ffi::{OsStr, OsString};
 use std::path::Path;
 use std::process::{ExitStatus, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -15,7 +15,7 @@ use learner::store::Store;
 use learner::summary::Summary as Achievement;
 use rt_controller::fault::Fault;
 use serde_json::json;
-use shm_types::cell::{Cell, runtime_dir};
+use shm_types::cell::{Cell, CellError, runtime_dir};
 use shm_types::command::Status;
 use shm_types::plant::socket::PLANT_VARIABLE;
 use shm_types::ports::ToolPorts;
@@ -46,10 +46,12 @@ pub fn run(args: &LearnArgs) -> Result<Verdict> {
     let stop = stop_flag(Who::Tool)?;
     // A cell of its own: sessions on one machine do not meet. One that was killed left its own.
     Cell::remove_idle(&runtime_dir(), PRIVATE_CELL);
-    let cell = Cell::new(&format!("{PRIVATE_CELL}{}", std::process::id()))?;
+    let name = format!("{PRIVATE_CELL}{}", std::process::id());
+    let cells = (0..args.cells.into()).map(|k| Cell::new(&numbered(&name, k)));
+    let cells = cells.collect::<Result<Vec<Cell>, CellError>>()?;
     let start = Instant::now();
-    let result = run_services(args, &folder, &config, &cell, &stop);
-    cell.remove_if_idle();
+    let result = run_services(args, &folder, &config, &cells, &stop);
+    cells.iter().for_each(Cell::remove_if_idle);
     let run = result?;
     if run.interrupted && !folder.database().exists() {
         let dir = folder.dir();
@@ -118,6 +120,9 @@ fn prepare(args: &LearnArgs) -> Result<(SessionFolder, Config)> {
         config.task.target_m = target;
     }
     config.validate()?;
+    if args.cells > 1 && config.plant.socket.is_some() {
+        bail!("--cells {}: every cell has a plant of its own; leave plant.socket out", args.cells);
+    }
 
     if folder.has_session() {
         folder.expect_same_world(&config)?;
@@ -182,57 +187,98 @@ fn run_services(
     args: &LearnArgs,
     folder: &SessionFolder,
     config: &Config,
-    cell: &Cell,
+    cells: &[Cell],
     stop: &AtomicBool,
 ) -> Result<Run> {
-    let config_path = folder.config_path();
-    let parent = std::process::id().to_string();
-    let common = ["--child", &parent, "--cell", cell.name()].map(OsStr::new);
-    let (pace, timing) = (OsStr::new(args.pace.name()), folder.timing());
-    let controller_args = [
-        &[OsStr::new("controller"), OsStr::new("--config"), config_path.as_os_str()][..],
-        &[OsStr::new("--private"), OsStr::new("--pace"), pace],
-        &[OsStr::new("--timing"), timing.as_os_str()],
-        &common,
-    ]
-    .concat();
-    let record = [OsStr::new("--record")];
-    let learner_args = [
-        &[OsStr::new("learner"), OsStr::new("--json")][..],
-        &[OsStr::new("--session"), folder.dir().as_os_str(), OsStr::new("--pace"), pace],
-        if args.record { &record[..] } else { &[] },
-        &common,
-    ]
-    .concat();
-
     let (rollouts, done) = (config.learner.rollouts, stored_trials(&folder.database()));
     let progress = Progress::new(rollouts, done, config.success()?.is_some());
-    let mut controller =
-        Service::start("controller", &controller_args, folder.log("controller"), Stdio::null())?;
-    let mut learner =
-        Service::start("learner", &learner_args, folder.log("learner"), Stdio::piped())?;
-    let mut plant = start_plant(folder, config, cell)?;
-    let lines = learner.lines().context("reading the learner's progress")?;
-    let mut services =
-        Services { controller: &mut controller, learner: &mut learner, plant: plant.as_mut() };
-    let outcome = watch(&mut services, cell, &lines, &progress, stop);
+    let mut services = Services::start(args, folder, config, cells)?;
+    let lines = services.learner.lines().context("reading the learner's progress")?;
+    let outcome = watch(&mut services, cells, &lines, &progress, stop);
     progress.finish();
 
-    let status = ToolPorts::open(cell, Duration::from_millis(500))
+    let status = ToolPorts::open(&cells[0], Duration::from_millis(500))
         .ok()
         .and_then(|ports| ports.status(Duration::from_millis(500)));
-    let ended = (learner.stop()?, controller.stop()?);
+    let Services { mut controllers, mut learner, plants } = services;
+    let ended = learner.stop()?;
+    let statuses: Vec<ExitStatus> =
+        controllers.iter_mut().map(Service::stop).collect::<Result<_>>()?;
+    drop(plants);
     let (trials, wall, interrupted) = outcome?;
     // A terminal interrupts the whole group, a child perhaps before it could listen.
     if !interrupted {
-        expect_success(&learner, ended.0)?;
-        expect_success(&controller, ended.1)?;
+        expect_success(&learner, ended)?;
+        for (controller, status) in controllers.iter().zip(statuses) {
+            expect_success(controller, status)?;
+        }
     }
     Ok(Run { trials, wall, interrupted, status })
 }
 
+/// The processes of a session: one controller for each cell, and a plant where it is a program.
+struct Services {
+    controllers: Vec<Service>,
+    learner: Service,
+    plants: Vec<Service>,
+}
+
+impl Services {
+    fn start(
+        args: &LearnArgs,
+        folder: &SessionFolder,
+        config: &Config,
+        cells: &[Cell],
+    ) -> Result<Services> {
+        let parent = std::process::id().to_string();
+        let (config_path, pace) = (folder.config_path(), OsStr::new(args.pace.name()));
+        let child = ["--child", &parent].map(OsStr::new);
+        let of_cell = |cell: &'_ Cell| [OsString::from("--cell"), cell.name().into()];
+        let mut controllers = Vec::new();
+        for (k, cell) in cells.iter().enumerate() {
+            let (timing, of_cell) = (folder.timing(k), of_cell(cell));
+            let arguments = [
+                &[OsStr::new("controller"), OsStr::new("--config"), config_path.as_os_str()][..],
+                &[OsStr::new("--private"), OsStr::new("--pace"), pace],
+                &[OsStr::new("--timing"), timing.as_os_str()],
+                &child,
+                &of_cell.each_ref().map(OsString::as_os_str),
+            ]
+            .concat();
+            let log = folder.log(&numbered("controller", k));
+            controllers.push(Service::start("controller", &arguments, log, Stdio::null())?);
+        }
+        let of_cells: Vec<OsString> = cells.iter().flat_map(of_cell).collect();
+        let of_cells: Vec<&OsStr> = of_cells.iter().map(OsString::as_os_str).collect();
+        let record = [OsStr::new("--record")];
+        let arguments = [
+            &[OsStr::new("learner"), OsStr::new("--json")][..],
+            &[OsStr::new("--session"), folder.dir().as_os_str(), OsStr::new("--pace"), pace],
+            if args.record { &record[..] } else { &[] },
+            &child,
+            &of_cells,
+        ]
+        .concat();
+        let learner =
+            Service::start("learner", &arguments, folder.log("learner"), Stdio::piped())?;
+        let plant = |(k, cell)| start_plant(folder, config, cell, k).transpose();
+        let plants = cells.iter().enumerate().filter_map(plant).collect::<Result<_>>()?;
+        Ok(Services { controllers, learner, plants })
+    }
+}
+
+/// What belongs to cell `k`, from 0: the first one's has no number.
+fn numbered(name: &str, k: usize) -> String {
+    if k == 0 { name.into() } else { format!("{name}-{}", k + 1) }
+}
+
 /// The program of an external plant, where the configuration names one.
-fn start_plant(folder: &SessionFolder, config: &Config, cell: &Cell) -> Result<Option<Service>> {
+fn start_plant(
+    folder: &SessionFolder,
+    config: &Config,
+    cell: &Cell,
+    k: usize,
+) -> Result<Option<Service>> {
     if !config.plant.is_external() {
         return Ok(None);
     }
@@ -243,14 +289,8 @@ fn start_plant(folder: &SessionFolder, config: &Config, cell: &Cell) -> Result<O
         return Ok(None);
     }
     let environment = external::environment(config, &socket)?;
-    Service::start_program("plant", program, folder.log("plant"), &environment).map(Some)
-}
-
-/// The processes of a session.
-struct Services<'a> {
-    controller: &'a mut Service,
-    learner: &'a mut Service,
-    plant: Option<&'a mut Service>,
+    let log = folder.log(&numbered("plant", k));
+    Service::start_program("plant", program, log, &environment).map(Some)
 }
 
 fn expect_success(service: &Service, status: ExitStatus) -> Result<()> {
@@ -260,23 +300,25 @@ fn expect_success(service: &Service, status: ExitStatus) -> Result<()> {
 /// Shows progress until the learner ends, a signal comes or a child dies. Returns the trials of
 /// this run, the time from the first to the last, and whether it was interrupted.
 fn watch(
-    Services { controller, learner, plant }: &mut Services,
-    cell: &Cell,
+    Services { controllers, learner, plants }: &mut Services,
+    cells: &[Cell],
     lines: &Receiver<String>,
     progress: &Progress,
     stop: &AtomicBool,
 ) -> Result<(u64, Duration, bool)> {
     let start = Instant::now();
     let mut trials = 0;
-    let mut held = Held::new(cell);
+    let mut held: Vec<Held> = cells.iter().map(Held::new).collect();
     loop {
         match lines.recv_timeout(WATCH) {
             Ok(line) => {
                 trials += show(&line, progress)?;
-                (held.looked, held.asked) = (Instant::now(), None);
+                for held in &mut held {
+                    (held.looked, held.asked) = (Instant::now(), None);
+                }
                 continue;
             }
-            Err(RecvTimeoutError::Timeout) => held.look(progress),
+            Err(RecvTimeoutError::Timeout) => held.iter_mut().for_each(|held| held.look(progress)),
             // Its end is near, but a process ends a little after its output.
             Err(RecvTimeoutError::Disconnected) => std::thread::sleep(Duration::from_millis(1)),
         }
@@ -297,21 +339,14 @@ fn watch(
             }
             return Ok((trials, start.elapsed(), false));
         }
-        if let Some(plant) = plant
-            && let Some(status) = plant.exited()?
-        {
-            bail!(
-                "{}\nThe others are ended in order; the session up to the last trial is saved and \
-                 resumes with the same command.",
-                plant.obituary(status)
-            );
-        }
-        if let Some(status) = controller.exited()? {
-            bail!(
-                "{}\nThe learner is ended in order; the session up to the last trial is saved and \
-                 resumes with the same command.",
-                controller.obituary(status)
-            );
+        for service in plants.iter_mut().chain(&mut *controllers) {
+            if let Some(status) = service.exited()? {
+                bail!(
+                    "{}\nThe others are ended cleanly; the session up to the last trial is saved and \
+                     resumes with the same command.",
+                    service.obituary(status)
+                );
+            }
         }
     }
 }

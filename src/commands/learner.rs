@@ -1,19 +1,16 @@
 //! `skillet learner`: the learner service of a cell.
 
 use std::hash::{BuildHasher, Hasher, RandomState};
-use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use learner::Learner;
 use learner::modes::choose;
 use learner::session::{self, End, Event};
 use learner::store::{SessionMeta, Store};
 use rt_controller::fault::Fault;
 use rt_controller::rt::{leave_core, loop_core};
-use shm_types::cell::{Cell, Role};
-use shm_types::channel::ChannelError;
-use shm_types::ports::LearnerPorts;
+use shm_types::cell::{Cell, CellLock, Role};
 use shm_types::service_manager::{Notice, notify};
 
 use crate::Verdict;
@@ -33,8 +30,6 @@ use crate::{judging, log, record, reload, setup};
 
 /// A further recording begins when one has grown so large.
 const RECORDING_BYTES: u64 = 512_000_000;
-/// How long a learner looks for a controller before it says so, and looks again.
-const PATIENCE: Duration = Duration::from_secs(10);
 /// What a service manager is asked to wait beyond each sign of life of a long start.
 const START_MORE: Duration = Duration::from_secs(60);
 
@@ -62,40 +57,26 @@ pub fn run(args: &LearnerArgs) -> Result<Verdict> {
     let set_level = log::start(&config.log);
     reload::on_hangup(Some(&folder.config_path()), &config, set_level)?;
     let _session = folder.lock()?;
-    let cell = Cell::new(args.cell.as_deref().unwrap_or(&config.cell.name))?;
-    let _lock = cell.lock(Role::Learner)?;
-    // For those who watch the cell and have something to say to its session.
-    cell.tell_session(&absolute(folder.dir()))?;
+    let cells = cells(args, &config)?;
+    let _locks = join(&cells, &folder)?;
     let mut learner = open(&folder, &config)?;
 
     // A learner that waits for its controller is up.
     notify(&[Notice::Ready]);
-    let ports = loop {
-        match LearnerPorts::open(&cell, PATIENCE, &|| stop.load(Ordering::Relaxed)) {
-            Ok(ports) => break ports,
-            Err(ChannelError::NoController { .. }) if stop.load(Ordering::Relaxed) => {
-                return Ok(Verdict::Negative);
-            }
-            Err(error @ ChannelError::NoController { .. }) => {
-                tell_manager("waiting for a controller");
-                tracing::warn!("{error}; waiting");
-                notify(&[Notice::Watchdog]);
-            }
-            Err(error) => return Err(error.into()),
-        }
-    };
-    tell_manager("learning");
-    tracing::info!(cell = cell.name(), session = %folder.dir().display(), "learner ready");
+    tell_manager("waiting for a controller");
+    let names: Vec<&str> = cells.iter().map(|(_, cell)| cell.name()).collect();
+    tracing::info!(cell = names.join(", "), session = %folder.dir().display(), "learner ready");
     let mut line = TrialLine::so_far(&learner.summary());
     let mut recording = args.record.then(|| start_recording(&folder, &config)).transpose()?;
     let out = args.json.then(stderr::stdout);
+    let log = Log { has_several: cells.len() > 1 };
     let mut on_event = |event: Event<'_>| {
         write_down(&event, &mut recording);
-        report(&event, &mut line, out.as_ref());
+        log.report(&event, &mut line, out.as_ref());
     };
     // Whoever sits before a `learn` is told at once, and repeats it.
     let is_service = args.child.is_none();
-    let end = session::run(ports, &mut learner, is_service, &stop, &mut on_event)?;
+    let end = session::run(cells, &mut learner, is_service, &stop, &mut on_event)?;
     notify(&[Notice::Stopping]);
     if let Some(out) = out {
         out.finish();
@@ -130,7 +111,7 @@ fn write_down(event: &Event<'_>, recording: &mut Option<SessionRecorder>) {
     let Some(recorder) = recording else { return };
     let result = match event {
         Event::Executed { policy, header, records } => recorder.executed(policy, header, records),
-        Event::Trial(report) => {
+        Event::Trial { report, .. } => {
             recorder.trial(report);
             Ok(())
         }
@@ -168,72 +149,153 @@ fn open(folder: &SessionFolder, config: &Config) -> Result<Learner> {
         .with_context(|| format!("session {}", folder.dir().display()))
 }
 
-/// `out` takes one JSON line a trial, for whoever started this process; nobody waits for it to be read.
-fn report(event: &Event<'_>, line: &mut TrialLine, out: Option<&Sink>) {
-    match event {
-        Event::Executed { .. } | Event::Modes(_) => {}
-        Event::Trial(trial) => {
-            line.add(trial);
-            if let Some(out) = out {
-                if let Ok(text) = serde_json::to_string(line) {
-                    out.push(format!("{text}\n").into_bytes());
+/// The cells of the session, each with what the session calls it: those that a `learn` made for itself by their
+/// number, as their names mean nothing later.
+fn cells(args: &LearnerArgs, config: &Config) -> Result<Vec<(String, Cell)>> {
+    let names = match &args.cell[..] {
+        [] => std::slice::from_ref(&config.cell.name),
+        names => names,
+    };
+    if let Some(twice) = names.iter().enumerate().find(|(k, name)| names[..*k].contains(name)) {
+        bail!("--cell {}: named twice; one learner asks a cell once", twice.1);
+    }
+    let named = |(k, name): (usize, &String)| {
+        let called = match args.child {
+            Some(_) if names.len() == 1 => String::new(),
+            Some(_) => (k + 1).to_string(),
+            None => name.clone(),
+        };
+        Ok((called, Cell::new(name)?))
+    };
+    names.iter().enumerate().map(named).collect()
+}
+
+/// Takes the learner's place in every cell, and tells those who watch it where its session is.
+fn join(cells: &[(String, Cell)], folder: &SessionFolder) -> Result<Vec<CellLock>> {
+    let join = |(_, cell): &(String, Cell)| {
+        let lock = cell.lock(Role::Learner)?;
+        // For those who watch the cell and have something to say to its session.
+        cell.tell_session(&absolute(folder.dir()))?;
+        Ok(lock)
+    };
+    cells.iter().map(join).collect()
+}
+
+/// What a learner says of its session.
+struct Log {
+    /// Then it says of which cell.
+    has_several: bool,
+}
+
+impl Log {
+    fn of(&self, cell: &str) -> String {
+        if self.has_several { format!("cell {cell}: ") } else { String::new() }
+    }
+
+    /// `out` takes one JSON line a trial, for the process that started this one; nobody waits for it to be read.
+    fn report(&self, event: &Event<'_>, line: &mut TrialLine, out: Option<&Sink>) {
+        match event {
+            Event::Executed { .. } | Event::Modes(_) => {}
+            Event::Trial { cell, report: trial } => {
+                line.add(trial);
+                if let Some(out) = out {
+                    if let Ok(text) = serde_json::to_string(line) {
+                        out.push(format!("{text}\n").into_bytes());
+                    }
+                    line.refused = None;
+                } else {
+                    let (rollout, reward, success) = (trial.rollout, trial.reward, trial.success);
+                    let cell = self.has_several.then_some(*cell);
+                    tracing::info!(rollout, cell, reward, success, "trial");
                 }
-                line.refused = None;
-            } else {
-                let (rollout, reward, success) = (trial.rollout, trial.reward, trial.success);
-                tracing::info!(rollout, reward, success, "trial");
             }
+            Event::NotStored(reason) => {
+                tell_manager("waiting: the disk refuses what was learnt");
+                tracing::error!("not stored: {reason}; waiting, tried again every second");
+            }
+            Event::Stored => {
+                tell_manager("learning");
+                tracing::info!("stored after all; going on");
+            }
+            Event::Refused { rollout, reason } => {
+                line.refused = Some(reason.clone());
+                tracing::warn!(
+                    "rollout {rollout}: the controller refused its policy: {reason}; counted as a trial \
+                     without reward"
+                );
+            }
+            Event::SetAside { rollout, reason } => {
+                tracing::warn!("rollout {rollout} set aside, not learnt: {reason}");
+            }
+            Event::AwaitsRating { .. } | Event::Said { .. } | Event::StandsStill(_) => {
+                report_people(event, line);
+            }
+            _ => self.report_cell(event),
         }
-        Event::ControllerSilent(age) => {
-            tell_manager("waiting for the controller");
-            tracing::warn!("controller silent for {:.1} s; waiting for it", age.as_secs_f64());
-        }
-        Event::ControllerBack => {
-            tell_manager("learning");
-            tracing::info!("controller is back");
-        }
-        Event::Pinned(true) => {
-            tell_manager("waiting: the controller serves a pinned policy");
-            tracing::warn!("the controller serves a pinned policy; waiting");
-        }
-        Event::Pinned(false) => {
-            tell_manager("learning");
-            tracing::info!("the controller takes proposals again");
-        }
-        Event::Held(0) => {
-            tell_manager("learning");
-            tracing::info!("the arm is re-armed");
-        }
-        Event::Held(fault) => {
-            tell_manager("waiting: the arm is held after a machine fault");
-            tracing::warn!(
-                "the arm is held after a machine fault ({}); waiting for `skillet rearm`",
-                Fault::describe(*fault as u32)
-            );
-        }
-        Event::NotStored(reason) => {
-            tell_manager("waiting: the disk refuses what was learnt");
-            tracing::error!("not stored: {reason}; waiting, tried again every second");
-        }
-        Event::Stored => {
-            tell_manager("learning");
-            tracing::info!("stored after all; going on");
-        }
-        Event::Refused { rollout, reason } => {
-            line.refused = Some(reason.clone());
-            tracing::warn!(
-                "rollout {rollout}: the controller refused its policy: {reason}; counted as a trial \
-                 without reward"
-            );
-        }
-        Event::SetAside { rollout, reason } => {
-            tracing::warn!("rollout {rollout} set aside, not learnt: {reason}");
-        }
-        Event::AskedAgain { rollout, reason } => {
-            tracing::warn!("rollout {rollout} asked for again: {reason}");
-        }
-        Event::AwaitsRating { .. } | Event::Said { .. } | Event::StandsStill(_) => {
-            report_people(event, line);
+    }
+
+    /// What becomes of a cell.
+    fn report_cell(&self, event: &Event<'_>) {
+        match event {
+            Event::Joined { cell } => {
+                tell_manager("learning");
+                tracing::info!("{}the controller is there", self.of(cell));
+            }
+            Event::NoController { cell } => {
+                tell_manager("waiting for a controller");
+                tracing::warn!(
+                    "{}no controller so far: start `skillet controller` for it; waiting",
+                    self.of(cell)
+                );
+            }
+            Event::ControllerSilent { cell, silence } => {
+                tell_manager("waiting for the controller");
+                tracing::warn!(
+                    "{}controller silent for {:.1} s; waiting for it",
+                    self.of(cell),
+                    silence.as_secs_f64()
+                );
+            }
+            Event::ControllerBack { cell } => {
+                tell_manager("learning");
+                tracing::info!("{}controller is back", self.of(cell));
+            }
+            Event::Pinned { cell, is_pinned: true } => {
+                tell_manager("waiting: the controller serves a pinned policy");
+                tracing::warn!("{}the controller serves a pinned policy; waiting", self.of(cell));
+            }
+            Event::Pinned { cell, is_pinned: false } => {
+                tell_manager("learning");
+                tracing::info!("{}the controller takes proposals again", self.of(cell));
+            }
+            Event::Held { cell, fault: 0 } => {
+                tell_manager("learning");
+                tracing::info!("{}the arm is re-armed", self.of(cell));
+            }
+            Event::Held { cell, fault } => {
+                tell_manager("waiting: the arm is held after a machine fault");
+                tracing::warn!(
+                    "{}the arm is held after a machine fault ({}); waiting for `skillet rearm`",
+                    self.of(cell),
+                    Fault::describe(*fault as u32)
+                );
+            }
+            Event::LeftToOthers { cell, rollout } => {
+                tracing::warn!(
+                    "{}rollout {rollout} did not come back; another cell is asked for it",
+                    self.of(cell)
+                );
+            }
+            Event::Retired { cell, reason } => {
+                tracing::error!(
+                    "{}{reason}; it is asked for nothing more until its controller is restarted",
+                    self.of(cell)
+                );
+            }
+            Event::AskedAgain { cell, rollout, reason } => {
+                tracing::warn!("{}rollout {rollout} asked for again: {reason}", self.of(cell));
+            }
+            _ => {}
         }
     }
 }

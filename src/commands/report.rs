@@ -84,7 +84,7 @@ fn gather(folder: &SessionFolder, notes: &[(String, String)]) -> Result<ReportDa
         learnt_measures: measures_of(learnt_rollout).unwrap_or(Measures::NONE),
         notes: [wishes_text(&wishes), notes.to_vec()].concat(),
         modes: modes::rows(&store, config.learner.prefer)?,
-        timing: timing(&folder.timing()),
+        timing: timing(&folder.timing(0)),
         pictures: (task.pictures)(&config),
         tip,
         object,

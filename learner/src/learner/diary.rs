@@ -15,7 +15,7 @@ impl Learner {
         if before.as_ref() == Some(&identity) {
             return Ok(());
         }
-        let next = self.durable_rollout() + 1;
+        let next = self.trials.len() as u64 + 1;
         if let Some(before) = before {
             tracing::warn!(
                 "the judge has changed: rollouts from {next} on are judged by {identity}, those before by \

@@ -12,6 +12,9 @@ use crate::ratings::Rating;
 use crate::replay::told_anew;
 use crate::store::{Added, TrialRecord};
 
+/// Rollouts that may be in flight when learning begins to wait for ratings.
+const MAX_RATED_TOGETHER: usize = 64;
+
 /// A letter that was taken.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Taken {
@@ -29,9 +32,16 @@ struct New {
 }
 
 impl Learner {
+    /// People have said something, or the wish has changed: what is asked for from now on waits for it.
+    pub fn has_news(&mut self) -> bool {
+        self.has_other_wish() || !self.mail.read().is_empty()
+    }
+
     /// Takes what people have said since the last time, from the next proposal on: durable when this returns.
-    /// To be called between rollouts, as a proposal that waits is taken back.
+    /// To be called when no rollout is executed and the session is settled ([`Learner::is_settled`]), as
+    /// proposals that wait are taken back.
     pub fn take_mail(&mut self) -> Result<Vec<Taken>, LearnerError> {
+        self.follow_wish()?;
         let letters = self.mail.read();
         if letters.is_empty() {
             return Ok(Vec::new());
@@ -59,7 +69,7 @@ impl Learner {
 
     /// Adds to `new` what a letter says; or why it says nothing that can be.
     fn understood(&self, letter: u64, says: &Says, new: &mut New) -> Result<Taken, String> {
-        let after = self.durable_rollout();
+        let after = self.trials.len() as u64;
         let rating = |rollout, rating| Rating { letter, after, rollout, rating };
         match says {
             Says::Rating { rollout, rating: value } => {
@@ -105,7 +115,7 @@ impl Learner {
         if !self.store.meta().learner.people.takes_ratings() {
             return Err("learner.people.weight of this session is 0, so no rating counts".into());
         }
-        match self.trials.get((rollout as usize).wrapping_sub(1)) {
+        match self.trials.iter().find(|trial| trial.rollout == rollout) {
             Some(trial) if trial.was_executed() => Ok(()),
             _ => Err(format!("there is no executed rollout {rollout} to be rated")),
         }
@@ -121,24 +131,25 @@ impl Learner {
         let problem = self.grown(&new.added)?.with_prediction(&self.config, self.judge.predictor());
         let ratings = self.history.ratings.with(new.ratings.iter().copied());
         let history = History { wishes: self.history.wishes.clone(), ratings };
-        let next = self.durable_rollout() + 1;
+        let next = self.trials.len() as u64 + 1;
         let (search, telling) =
             told_anew(&self.config, &problem, history.telling(next), &self.trials)?;
         self.store.put_said(&new.ratings, &new.added, &search.snapshot(next))?;
         history.show(&mut self.trials);
         (self.problem, self.search, self.telling) = (problem, search, telling);
-        (self.history, self.pending) = (history, None);
+        self.history = history;
+        self.in_flight.clear();
         Ok(())
     }
 
-    /// The newest rollout, where learning waits for its rating.
+    /// The oldest of the newest rollouts, where learning waits for its rating.
     pub fn awaits_rating(&self) -> Option<u64> {
-        let newest = self.trials.last().filter(|trial| self.waits_for_rating_of(trial));
-        newest.map(|trial| trial.rollout)
+        let newest = self.trials.iter().rev().take(MAX_RATED_TOGETHER);
+        newest.filter(|trial| self.waits_for_rating_of(trial)).map(|trial| trial.rollout).min()
     }
 
     /// Learning goes on when somebody has rated this trial, or has said that there is no rating.
-    pub(super) fn waits_for_rating_of(&self, trial: &TrialRecord) -> bool {
+    fn waits_for_rating_of(&self, trial: &TrialRecord) -> bool {
         let people = &self.config.people;
         let waits = people.takes_ratings() && people.wait;
         waits && trial.was_executed() && !self.history.ratings.speaks_of(trial.rollout)
@@ -153,9 +164,9 @@ impl Learner {
         }
         let since = self.problem.grew_after();
         let counts =
-            |trial: &&TrialRecord| trial.rollout > since && !trial.set_aside && !trial.unrated;
+            |trial: &&TrialRecord| trial.told > since && !trial.set_aside && !trial.unrated;
         let best = self.trials.iter().filter(counts);
         let best = best.reduce(|a, b| if b.reward > a.reward { b } else { a });
-        best.is_some_and(|best| self.durable_rollout() - best.rollout >= ask_after)
+        best.is_some_and(|best| self.trials.len() as u64 - best.told >= ask_after)
     }
 }

@@ -21,17 +21,49 @@ pub enum Event<'a> {
         header: &'a EpisodeHeader,
         records: &'a [TickRecord],
     },
-    Trial(&'a TrialReport),
+    Trial {
+        cell: &'a str,
+        report: &'a TrialReport,
+    },
     /// What the search has found: now and then, and at the end.
     Modes(&'a [ModeReport]),
+    /// The cell has a controller, and is asked for rollouts from now on.
+    Joined {
+        cell: &'a str,
+    },
+    /// The cell has had no controller so far; it is waited for.
+    NoController {
+        cell: &'a str,
+    },
     /// Nothing was heard from the controller for this long; the learner waits.
-    ControllerSilent(Duration),
-    ControllerBack,
+    ControllerSilent {
+        cell: &'a str,
+        silence: Duration,
+    },
+    ControllerBack {
+        cell: &'a str,
+    },
     /// The controller serves a pinned policy, and what was asked for waits; or does no more.
-    Pinned(bool),
+    Pinned {
+        cell: &'a str,
+        is_pinned: bool,
+    },
     /// The arm is held after this fault of the machine, and what was asked for waits until it is
     /// re-armed; or, 0, it no longer is.
-    Held(u64),
+    Held {
+        cell: &'a str,
+        fault: u64,
+    },
+    /// The cell let this rollout lie; another one is asked for it.
+    LeftToOthers {
+        cell: &'a str,
+        rollout: u64,
+    },
+    /// The cell is asked for nothing more until its controller is a new one.
+    Retired {
+        cell: &'a str,
+        reason: String,
+    },
     /// The rollout gave no usable episode: stored and counted, not learnt.
     SetAside {
         rollout: u64,
@@ -60,6 +92,7 @@ pub enum Event<'a> {
     Stored,
     /// The rollout was asked for again.
     AskedAgain {
+        cell: &'a str,
         rollout: u64,
         reason: String,
     },

@@ -30,10 +30,10 @@ impl News {
         }
     }
 
-    /// Tells the newest trial.
+    /// Tells the newest trial in all cells.
     pub fn trial(
         &mut self,
-        ports: &LearnerPorts,
+        cells: &[&LearnerPorts],
         learner: &Learner,
         on_event: &mut dyn FnMut(Event<'_>),
     ) {
@@ -44,8 +44,10 @@ impl News {
             self.modes = reports.iter().take(MAX_MODES).map(news_of_mode).collect();
             on_event(Event::Modes(&reports));
         }
-        self.send(ports, learner, newest);
-        News::measures(ports, learner, newest);
+        for ports in cells {
+            self.send(ports, learner, newest);
+            News::measures(ports, learner, newest);
+        }
     }
 
     /// Tells trials again that count for something else than before.

@@ -23,14 +23,13 @@ use copy::{SecondCopy, copy_path};
 pub use error::StoreError;
 pub use meta::SessionMeta;
 pub use people::Added;
-pub use rows::{Event, PolicyKind, Step, TrialRecord};
+pub use rows::{Asked, Event, PolicyKind, Step, TrialRecord};
 use rows::{insert_event, insert_policy, insert_proposal, insert_search, insert_trial};
 
-use search::trial::Proposal;
 use shm_types::policy_json;
 
 /// Format of the session file; raised whenever an older program could not read it.
-pub const FORMAT_VERSION: i64 = 6;
+pub const FORMAT_VERSION: i64 = 7;
 /// "SKLT" in the file's header: how `file` and [`Store::open`] recognise a session.
 const APPLICATION_ID: i64 = 0x534b_4c54;
 /// Pages of changes after which they are moved into the file. That waits for the disk thrice, so it is to be
@@ -164,16 +163,16 @@ impl Store {
     /// Makes a proposal and its policy durable, before the policy is published.
     pub fn put_proposal(
         &mut self,
-        proposal: &Proposal,
+        asked: &Asked,
         policy: &PolicyMsg,
     ) -> Result<(), StoreError> {
         let text = self.policy_text(policy)?;
-        self.transaction(|transaction| insert_proposal(transaction, proposal, policy, &text))
+        self.transaction(|transaction| insert_proposal(transaction, asked, policy, &text))
     }
 
     /// Writes what a rollout adds in one transaction, with the acknowledgement that it allows.
     pub fn record_step(&mut self, step: &Step<'_>) -> Result<(), StoreError> {
-        let Step { trial, path, search, next, note } = step;
+        let Step { trial, path, search, durable_rollout, next, note } = step;
         let next_text = next.map(|(_, policy)| self.policy_text(policy)).transpose()?;
         self.transaction(|transaction| {
             if let Some(note) = note {
@@ -182,9 +181,9 @@ impl Store {
             insert_trial(transaction, trial, path)?;
             insert_search(transaction, trial.rollout, search)?;
             let query = "INSERT OR REPLACE INTO meta (key, value) VALUES ('durable_rollout', ?1)";
-            transaction.prepare_cached(query)?.execute([trial.rollout.to_string()])?;
-            if let (Some((proposal, policy)), Some(text)) = (next, &next_text) {
-                insert_proposal(transaction, proposal, policy, text)?;
+            transaction.prepare_cached(query)?.execute([durable_rollout.to_string()])?;
+            if let (Some((asked, policy)), Some(text)) = (next, &next_text) {
+                insert_proposal(transaction, asked, policy, text)?;
             }
             Ok(())
         })

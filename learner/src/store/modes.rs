@@ -82,7 +82,9 @@ impl Store {
             return Ok(Vec::new());
         }
         let telling = self.history()?.telling(u64::MAX);
-        let told = telling.all(&self.trials()?, self.meta().learner.search.targets());
+        let mut trials = self.trials()?;
+        trials.sort_by_key(|trial| trial.told);
+        let told = telling.all(&trials, self.meta().learner.search.targets());
         let forbidden = self.forbidden()?;
         let thetas = told.iter().map(|trial| &trial.theta).chain(&forbidden);
         let mut dims = modes.iter().map(|mode| &mode.mean).chain(thetas).map(|theta| theta.len());

@@ -90,20 +90,20 @@ impl Store {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::tests::{policy, proposal, session, snapshot, store_trial};
+    use crate::store::tests::{asked, policy, session, snapshot, store_trial};
 
     #[test]
     fn what_was_said_comes_back_and_takes_the_proposal_back() {
         let directory = tempfile::TempDir::new().unwrap();
         let (path, mut store) = session(&directory);
-        store.put_proposal(&proposal(1), &policy(1)).unwrap();
+        store.put_proposal(&asked(1), &policy(1)).unwrap();
         store_trial(&mut store, 1, Some(2)).unwrap();
         let said = |letter, rating| Rating { letter, after: 1, rollout: 1, rating };
         let ratings = [said(u64::MAX, Some(0.1 + 0.2)), said(7, None)];
         let added = Added { letter: 8, after: 1, file: "a.csv".into(), text: "t_s\n".into() };
         store.put_said(&ratings, std::slice::from_ref(&added), &snapshot()).unwrap();
-        assert_eq!(store.pending_proposal().unwrap(), None);
-        store.put_proposal(&proposal(2), &policy(2)).unwrap();
+        assert_eq!(store.in_flight().unwrap(), []);
+        store.put_proposal(&asked(2), &policy(2)).unwrap();
         drop(store);
 
         let store = Store::open(&path).unwrap();

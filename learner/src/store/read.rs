@@ -7,7 +7,8 @@ use shm_types::measures::{Measure, Measures};
 use shm_types::policy::PolicyMsg;
 
 use super::rows::{
-    Event, IS_MEAN, TRIAL_COLUMNS, TrialRecord, from_hex, integer, signed, trial_from_row, vector,
+    ASKED_COLUMNS, Asked, Event, TOLD_COLUMNS, TRIAL_COLUMNS, TrialRecord, from_hex, integer, signed,
+    trial_from_row, vector,
 };
 use super::{Store, StoreError, meta};
 use crate::history::History;
@@ -17,29 +18,32 @@ use search::trial::Proposal;
 use shm_types::policy_json;
 
 impl Store {
-    /// The proposal without a trial, if there is one.
-    pub fn pending_proposal(&self) -> Result<Option<Proposal>, StoreError> {
-        let row = self.sql(
-            self.connection
-                .query_row(
-                    "SELECT rollout, theta FROM proposals \
-                     WHERE rollout NOT IN (SELECT rollout FROM trials) ORDER BY rollout LIMIT 1",
-                    [],
-                    |row| Ok((integer(row.get(0)?), row.get::<_, Vec<u8>>(1)?)),
-                )
-                .optional(),
-        )?;
-        row.map(|(rollout, bytes)| {
+    /// The proposals without a trial, in the order of their rollouts.
+    pub fn in_flight(&self) -> Result<Vec<Asked>, StoreError> {
+        let query = format!(
+            "SELECT rollout, theta, {ASKED_COLUMNS} FROM proposals LEFT JOIN asked USING (rollout) \
+             WHERE rollout NOT IN (SELECT rollout FROM trials) ORDER BY rollout"
+        );
+        let mut statement = self.sql(self.connection.prepare(&query))?;
+        let rows = self.sql(statement.query_map([], |row| {
+            let (rollout, after) = (integer(row.get(0)?), integer(row.get(2)?));
+            Ok((rollout, row.get::<_, Vec<u8>>(1)?, after, row.get(3)?))
+        }))?;
+        let asked = |row: rusqlite::Result<(u64, Vec<u8>, u64, bool)>| {
+            let (rollout, bytes, after, is_mean) = self.sql(row)?;
             let theta = vector(&bytes)
                 .ok_or_else(|| self.corrupt(format!("proposal {rollout}: theta is damaged")))?;
-            Ok(Proposal { rollout, theta })
-        })
-        .transpose()
+            Ok(Asked { proposal: Proposal { rollout, theta }, after, is_mean })
+        };
+        rows.map(asked).collect()
     }
 
     /// All trials in the order of their rollouts.
     pub fn trials(&self) -> Result<Vec<TrialRecord>, StoreError> {
-        let query = format!("SELECT {TRIAL_COLUMNS}, {IS_MEAN} FROM trials ORDER BY rollout");
+        let query = format!(
+            "SELECT {TRIAL_COLUMNS}, {ASKED_COLUMNS}, {TOLD_COLUMNS} FROM trials \
+             LEFT JOIN asked USING (rollout) LEFT JOIN told USING (rollout) ORDER BY rollout"
+        );
         let mut statement = self.sql(self.connection.prepare(&query))?;
         let rows = self.sql(statement.query_map([], trial_from_row))?;
         let trials = rows.map(|row| self.sql(row)?.map_err(|detail| self.corrupt(detail)));

@@ -34,10 +34,25 @@ impl PolicyKind {
     }
 }
 
+/// A proposal, and how many trials the search knew when it made it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Asked {
+    pub proposal: Proposal,
+    pub after: u64,
+    /// It is the mean of the search then, not a draw around it; follows from what is stored.
+    pub is_mean: bool,
+}
+
 /// A row of `trials`, without its path.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrialRecord {
     pub rollout: u64,
+    /// How many trials the search knew when it proposed this one.
+    pub asked_after: u64,
+    /// Its place, from 1, in the order in which trials were told.
+    pub told: u64,
+    /// The cell that executed it; empty where only one ever did.
+    pub cell: String,
     pub theta: DVector<f64>,
     /// What it counts for, by the robot's judge and by people.
     pub reward: f64,
@@ -73,6 +88,9 @@ impl TrialRecord {
         let Trial { rollout, theta, reward, success, .. } = trial;
         TrialRecord {
             rollout,
+            asked_after: rollout.saturating_sub(1),
+            told: rollout,
+            cell: String::new(),
             theta,
             reward,
             success,
@@ -129,8 +147,10 @@ pub struct Step<'a> {
     pub path: &'a [PathRow],
     /// State of the search after it.
     pub search: &'a SearchSnapshot,
-    /// The next proposal with its policy, unless the session is done.
-    pub next: Option<&'a (Proposal, PolicyMsg)>,
+    /// Every rollout up to this one is durable with it.
+    pub durable_rollout: u64,
+    /// The next proposal with its policy, unless there is none to be made now.
+    pub next: Option<(&'a Asked, &'a PolicyMsg)>,
     /// What the diary says of it.
     pub note: Option<&'a Event>,
 }
@@ -139,10 +159,14 @@ pub struct Step<'a> {
 pub(super) const TRIAL_COLUMNS: &str = "rollout, theta, reward, policy_id, policy_digest, boot_id, \
      applied_tick, fault, n_records, set_aside, success";
 
-/// Whether a trial executed the mean that the search had before it, the column after these. Before the
-/// first there is none.
-pub(super) const IS_MEAN: &str =
-    "EXISTS (SELECT 1 FROM searches WHERE searches.rollout = trials.rollout - 1 AND mean = theta)";
+/// How many trials were known when a proposal was made, and whether it is the mean that the search had then (before
+/// the first trial there is none). Of rows with `asked` beside them.
+pub(super) const ASKED_COLUMNS: &str =
+    "COALESCE(asked.after, rollout - 1), EXISTS (SELECT 1 FROM searches WHERE searches.mean = theta AND \
+     searches.rollout = COALESCE((SELECT earlier.rollout FROM told AS earlier \
+     WHERE earlier.place = asked.after), asked.after, rollout - 1))";
+/// When a trial was told, and which cell executed it.
+pub(super) const TOLD_COLUMNS: &str = "COALESCE(told.place, rollout), COALESCE(told.cell, '')";
 
 /// A trial without its measures; the error says which value is damaged.
 pub(super) fn trial_from_row(row: &Row<'_>) -> rusqlite::Result<Result<TrialRecord, String>> {
@@ -159,6 +183,9 @@ pub(super) fn trial_from_row(row: &Row<'_>) -> rusqlite::Result<Result<TrialReco
     }
     Ok(Ok(TrialRecord {
         rollout,
+        asked_after: integer(row.get(11)?),
+        told: integer(row.get(13)?),
+        cell: row.get(14)?,
         theta,
         reward,
         success: row.get(10)?,
@@ -174,7 +201,7 @@ pub(super) fn trial_from_row(row: &Row<'_>) -> rusqlite::Result<Result<TrialReco
         fault: integer(row.get(7)?),
         n_records: integer(row.get(8)?),
         set_aside: row.get(9)?,
-        is_mean: row.get(11)?,
+        is_mean: row.get(12)?,
         measures: Measures::NONE,
     }))
 }
@@ -195,13 +222,16 @@ pub(super) fn insert_policy(
 
 pub(super) fn insert_proposal(
     transaction: &Transaction<'_>,
-    proposal: &Proposal,
+    Asked { proposal, after, .. }: &Asked,
     policy: &PolicyMsg,
     text: &str,
 ) -> rusqlite::Result<()> {
     insert_policy(transaction, PolicyKind::Trial, policy, text)?;
     let query = "INSERT INTO proposals (rollout, theta) VALUES (?1, ?2)";
     let row = params![signed(proposal.rollout), blob(&proposal.theta)];
+    transaction.prepare_cached(query)?.execute(row)?;
+    let query = "INSERT INTO asked (rollout, after) VALUES (?1, ?2)";
+    let row = [signed(proposal.rollout), signed(*after)];
     transaction.prepare_cached(query)?.execute(row)?;
     Ok(())
 }
@@ -225,6 +255,7 @@ pub(super) fn see_anew(
     search: &SearchSnapshot,
 ) -> rusqlite::Result<()> {
     let beyond = [signed(after)];
+    transaction.execute("DELETE FROM asked WHERE rollout > ?1", beyond)?;
     transaction.execute("DELETE FROM proposals WHERE rollout > ?1", beyond)?;
     let query = "DELETE FROM policies WHERE rollout > ?1 AND kind = 'trial'";
     transaction.execute(query, beyond)?;
@@ -234,8 +265,10 @@ pub(super) fn see_anew(
     let ids = [0, 99].map(|number| signed(mode_policy_id(after, number)));
     transaction.execute(query, ids)?;
     if after > 0 {
-        transaction.execute("DELETE FROM searches WHERE rollout = ?1", beyond)?;
-        insert_search(transaction, after, search)?;
+        let query = "SELECT COALESCE((SELECT rollout FROM told WHERE place = ?1), ?1)";
+        let newest = integer(transaction.query_row(query, beyond, |row| row.get(0))?);
+        transaction.execute("DELETE FROM searches WHERE rollout = ?1", [signed(newest)])?;
+        insert_search(transaction, newest, search)?;
     }
     Ok(())
 }
@@ -269,6 +302,9 @@ pub(super) fn insert_trial(
         ":success": trial.own_success,
         ":path": path::encode(path),
     })?;
+    let query = "INSERT INTO told (place, rollout, cell) VALUES (?1, ?2, ?3)";
+    let row = params![signed(trial.told), signed(trial.rollout), trial.cell];
+    transaction.prepare_cached(query)?.execute(row)?;
     let query = "INSERT INTO measures (rollout, name, value) VALUES (?1, ?2, ?3)";
     let mut statement = transaction.prepare_cached(query)?;
     for measure in trial.measures.iter() {

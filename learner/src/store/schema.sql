@@ -111,6 +111,23 @@ CREATE TABLE demonstrations (
     text TEXT NOT NULL
 ) STRICT;
 
+-- How many trials the search knew when it proposed a rollout. Where there is no row: all before it, as in a
+-- session whose rollouts were in flight one at a time.
+CREATE TABLE asked (
+    rollout INTEGER PRIMARY KEY REFERENCES proposals (rollout),
+    seal INTEGER,
+    after INTEGER NOT NULL
+) STRICT;
+
+-- In which order trials were told, from 1, and which cell executed them. Where there is no row: in the order
+-- of their rollouts.
+CREATE TABLE told (
+    place INTEGER PRIMARY KEY,
+    seal INTEGER,
+    rollout INTEGER NOT NULL UNIQUE REFERENCES trials (rollout),
+    cell TEXT NOT NULL
+) STRICT;
+
 CREATE TABLE events (
     id INTEGER PRIMARY KEY,
     seal INTEGER,

@@ -6,7 +6,7 @@ use rusqlite::types::ValueRef;
 use shm_types::Digest;
 
 /// Every table; each has a column `seal` over all its others.
-const TABLES: [&str; 12] = [
+const TABLES: [&str; 14] = [
     "meta",
     "policies",
     "proposals",
@@ -18,6 +18,8 @@ const TABLES: [&str; 12] = [
     "wishes",
     "ratings",
     "demonstrations",
+    "asked",
+    "told",
     "events",
 ];
 

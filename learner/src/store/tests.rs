@@ -38,9 +38,17 @@ pub(super) fn proposal(rollout: u64) -> Proposal {
     Proposal { rollout, theta: DVector::from_vec(vec![0.1 * rollout as f64, -0.0, 1e-300]) }
 }
 
+/// Asked when all rollouts before it were told.
+pub(super) fn asked(rollout: u64) -> Asked {
+    Asked { proposal: proposal(rollout), after: rollout - 1, is_mean: false }
+}
+
 pub(super) fn record(rollout: u64) -> TrialRecord {
     TrialRecord {
         rollout,
+        asked_after: rollout - 1,
+        told: rollout,
+        cell: "kitchen-1".into(),
         theta: proposal(rollout).theta,
         reward: 1.0 / 3.0,
         success: true,
@@ -83,10 +91,12 @@ pub(super) fn store_trial(
     next: Option<u64>,
 ) -> Result<(), StoreError> {
     let (trial, path, search) = (record(rollout), rows(), snapshot());
-    let next = next.map(|rollout| (proposal(rollout), policy(rollout)));
+    let next = next.map(|rollout| (asked(rollout), policy(rollout)));
     let note = Event { kind: "noted".into(), text: format!("rollout {rollout}") };
-    let (trial, path, search, next) = (&trial, &path, &search, next.as_ref());
-    store.record_step(&Step { trial, path, search, next, note: next.map(|_| &note) })
+    let (trial, path, search) = (&trial, &path, &search);
+    let next = next.as_ref().map(|(asked, policy)| (asked, policy));
+    let note = next.map(|_| &note);
+    store.record_step(&Step { trial, path, search, durable_rollout: rollout, next, note })
 }
 
 fn refusal(path: &Path) -> String {
@@ -102,10 +112,10 @@ fn everything_comes_back_bit_for_bit_after_reopening() {
     let (path, mut store) = session(&directory);
     assert_eq!((store.trial_count().unwrap(), store.durable_rollout().unwrap()), (0, 0));
     for rollout in 1..=2 {
-        store.put_proposal(&proposal(rollout), &policy(rollout)).unwrap();
-        assert_eq!(store.pending_proposal().unwrap(), Some(proposal(rollout)));
+        store.put_proposal(&asked(rollout), &policy(rollout)).unwrap();
+        assert_eq!(store.in_flight().unwrap(), [asked(rollout)]);
         store_trial(&mut store, rollout, None).unwrap();
-        assert_eq!(store.pending_proposal().unwrap(), None);
+        assert_eq!(store.in_flight().unwrap(), []);
     }
     store.record_event("created", "with seed 3").unwrap();
     drop(store);
@@ -128,28 +138,28 @@ fn everything_comes_back_bit_for_bit_after_reopening() {
 fn a_failed_write_leaves_nothing_behind() {
     let directory = TempDir::new().unwrap();
     let (_, mut store) = session(&directory);
-    store.put_proposal(&proposal(1), &policy(1)).unwrap();
+    store.put_proposal(&asked(1), &policy(1)).unwrap();
     // The second statement of the transaction fails: a search snapshot is there already.
     store.connection.execute_batch("PRAGMA foreign_keys = OFF").unwrap();
     let blocker = "INSERT INTO searches VALUES (1, 0, x'', x'', 0)";
     store.connection.execute_batch(blocker).unwrap();
     assert!(store_trial(&mut store, 1, None).is_err());
     assert_eq!((store.trial_count().unwrap(), store.durable_rollout().unwrap()), (0, 0));
-    assert_eq!(store.pending_proposal().unwrap(), Some(proposal(1)));
+    assert_eq!(store.in_flight().unwrap(), [asked(1)]);
 }
 
 #[test]
 fn a_trial_its_note_and_the_next_proposal_are_stored_together_or_not_at_all() {
     let directory = TempDir::new().unwrap();
     let (path, mut store) = session(&directory);
-    store.put_proposal(&proposal(1), &policy(1)).unwrap();
+    store.put_proposal(&asked(1), &policy(1)).unwrap();
     // The last statement fails: the proposal's policy is there already.
     store.put_policy(PolicyKind::Mode, &policy(2)).unwrap();
     assert!(store_trial(&mut store, 1, Some(2)).is_err());
     for file in [path.clone(), copy_path(&path)] {
         let there = Store::open(&file).unwrap();
         assert_eq!((there.trial_count().unwrap(), there.durable_rollout().unwrap()), (0, 0));
-        assert_eq!(there.pending_proposal().unwrap(), Some(proposal(1)));
+        assert_eq!(there.in_flight().unwrap(), [asked(1)]);
         assert_eq!((there.events().unwrap(), there.searches().unwrap()), (vec![], vec![]));
     }
     store_trial(&mut store, 1, Some(3)).unwrap();
@@ -159,7 +169,7 @@ fn a_trial_its_note_and_the_next_proposal_are_stored_together_or_not_at_all() {
             (there.trials().unwrap(), there.durable_rollout().unwrap()),
             (vec![record(1)], 1)
         );
-        assert_eq!(there.pending_proposal().unwrap(), Some(proposal(3)));
+        assert_eq!(there.in_flight().unwrap(), [asked(3)]);
         assert_eq!(there.policy(3).unwrap(), Some(policy(3)));
         assert_eq!(there.events().unwrap()[0].text, "rollout 1");
     }
@@ -170,7 +180,7 @@ fn a_trial_is_stored_once_and_only_for_a_proposal() {
     let directory = TempDir::new().unwrap();
     let (_, mut store) = session(&directory);
     assert!(store_trial(&mut store, 1, None).is_err());
-    store.put_proposal(&proposal(1), &policy(1)).unwrap();
+    store.put_proposal(&asked(1), &policy(1)).unwrap();
     store_trial(&mut store, 1, None).unwrap();
     assert!(store_trial(&mut store, 1, None).is_err());
     assert_eq!(store.trial_count().unwrap(), 1);
@@ -236,7 +246,7 @@ fn refuses_another_format_and_another_task() {
 fn refuses_damaged_files() {
     let directory = TempDir::new().unwrap();
     let (path, mut store) = session(&directory);
-    store.put_proposal(&proposal(1), &policy(1)).unwrap();
+    store.put_proposal(&asked(1), &policy(1)).unwrap();
     store_trial(&mut store, 1, None).unwrap();
     let damage = |sql: &str| store.connection.execute_batch(sql).unwrap();
     damage("UPDATE trials SET theta = x'00'");

@@ -15,7 +15,7 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
 
 use shm_types::channel::EpisodeLoan;
-use shm_types::episode::{EpisodeError, EpisodeHeader, TickRecord};
+use shm_types::episode::{Ack, EpisodeError, EpisodeHeader, TickRecord};
 use shm_types::policy::PolicyName;
 use shm_types::{Digest, SCHEMA};
 use thiserror::Error;
@@ -149,10 +149,11 @@ impl Spool {
         }
     }
 
-    /// Every rollout of `session` up to this one is the learner's now.
-    pub fn acknowledged(&mut self, session: u64, durable_rollout: u64) {
-        let done: Vec<_> =
-            self.names.range((session, 0)..=(session, durable_rollout)).map(|(k, _)| *k).collect();
+    /// What `ack` covers is the learner's now.
+    pub fn acknowledged(&mut self, ack: &Ack) {
+        let of_session = self.names.range((ack.session, 0)..=(ack.session, u64::MAX));
+        let covered = of_session.filter(|((session, rollout), _)| ack.covers(*session, *rollout));
+        let done: Vec<_> = covered.map(|(key, _)| *key).collect();
         for key in done {
             self.names.remove(&key);
             // What stays behind is acknowledged again at the next start.
@@ -245,6 +246,10 @@ mod tests {
         (header, records)
     }
 
+    fn ack(session: u64, durable_rollout: u64, rollout: u64) -> Ack {
+        Ack { schema: SCHEMA, session, durable_rollout, rollout, success: 0 }
+    }
+
     #[test]
     fn an_episode_comes_back_bit_for_bit() {
         let (header, records) = episode();
@@ -275,7 +280,7 @@ mod tests {
         };
         assert!(!put(1, 64) && !put(8, 64), "others of 64");
         assert!(!put(7, 63) && put(7, 64), "its own 64th");
-        spool.acknowledged(7, 0);
+        spool.acknowledged(&ack(7, 0, 0));
         assert!(!spool.is_full(), "63 again");
         (10..24).for_each(|session| {
             spool.names.extend((0..64).map(|rollout| ((session, rollout), PolicyName::NONE)));
@@ -304,9 +309,9 @@ mod tests {
         let other = PolicyName { digest: 99, ..names[0] };
         assert!(spool.find(&other).is_none(), "another policy of the same rollout");
         assert_eq!(spool.find(&names[0]).unwrap().0.rollout, 4);
-        spool.acknowledged(1, 5);
-        assert!(spool.find(&names[0]).is_none() && spool.find(&names[1]).is_none());
-        assert!(spool.find(&names[2]).is_some() && spool.find(&names[3]).is_some());
+        spool.acknowledged(&ack(1, 4, 6));
+        assert!(spool.find(&names[0]).is_none() && spool.find(&names[2]).is_none());
+        assert!(spool.find(&names[1]).is_some() && spool.find(&names[3]).is_some());
         drop(spool);
         assert_eq!(fs::read_dir(&dir).unwrap().count(), 2);
         fs::remove_dir_all(&dir).unwrap();

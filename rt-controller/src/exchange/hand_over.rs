@@ -91,10 +91,10 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
     /// A learner has made trials durable; of the newest it says whether it was a success.
     pub(crate) fn take_acknowledged(&mut self, ack: &Ack) {
         if let Some(spool) = &mut self.spool {
-            spool.acknowledged(ack.session, ack.durable_rollout);
+            spool.acknowledged(ack);
         }
         let is_it = |message: &mut PolicyMsg| {
-            (message.session, message.rollout) == (ack.session, ack.durable_rollout)
+            (message.session, message.rollout) == (ack.session, ack.rollout)
         };
         if let Some(message) = self.to_judge.take_if(is_it)
             && ack.success != 0

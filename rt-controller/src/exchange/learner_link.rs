@@ -30,7 +30,13 @@ impl LearnerLink {
             seen: None,
             mute: None,
             reported: PolicyName::NONE,
-            acknowledged: Ack { schema: SCHEMA, session: 0, durable_rollout: 0, success: 0 },
+            acknowledged: Ack {
+                schema: SCHEMA,
+                session: 0,
+                durable_rollout: 0,
+                rollout: 0,
+                success: 0,
+            },
             has_news: false,
             proposal: None,
         }
@@ -52,8 +58,8 @@ impl LearnerLink {
             }
         }
         // Asked for by a learner that has taken its episode since.
-        let Ack { session, durable_rollout, .. } = self.acknowledged;
-        self.proposal.take_if(|asked| asked.session == session && asked.rollout <= durable_rollout);
+        let acknowledged = self.acknowledged;
+        self.proposal.take_if(|asked| acknowledged.covers(asked.session, asked.rollout));
         while let Ok(Some(beat)) = ports.learner_beat.receive() {
             if beat.schema == SCHEMA && self.seen.is_none_or(|(last, _)| last != *beat) {
                 self.seen = Some((*beat, Instant::now()));
@@ -74,9 +80,13 @@ impl LearnerLink {
 
     /// Episodes sent whose durability is not confirmed.
     pub fn unacknowledged(&self) -> u64 {
-        let Ack { session, durable_rollout, .. } = self.acknowledged;
-        let confirmed = if session == self.reported.session { durable_rollout } else { 0 };
-        self.reported.rollout.saturating_sub(confirmed)
+        let (session, newest) = (self.reported.session, self.reported.rollout);
+        if self.acknowledged.covers(session, newest) {
+            return 0;
+        }
+        let Ack { durable_rollout, rollout, .. } = self.acknowledged;
+        let is_its = self.acknowledged.session == session;
+        newest.saturating_sub(if is_its { durable_rollout.max(rollout.min(newest)) } else { 0 })
     }
 
     /// Age of the last heartbeat of a learner that did not take its leave.

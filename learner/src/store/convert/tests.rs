@@ -1,4 +1,4 @@
-//! Sessions as formats 3 to 5 wrote them, opened.
+//! Sessions as formats 3 to 6 wrote them, opened.
 
 use rusqlite::{Connection, OpenFlags};
 use shm_types::policy::PolicyMsg;
@@ -117,8 +117,11 @@ fn a_session_of_a_later_format_gets_the_tables_that_it_lacks() {
     let directory = TempDir::new().unwrap();
     let path = session(&directory, "pancake");
     let trials = Store::open(&path).unwrap().trials().unwrap();
-    for (before, lacks) in [(4, "wishes, ratings, demonstrations"), (5, "ratings, demonstrations")]
-    {
+    for (before, lacks) in [
+        (4, "wishes, ratings, demonstrations, asked, told"),
+        (5, "ratings, demonstrations, asked, told"),
+        (6, "asked, told"),
+    ] {
         let connection = Connection::open(&path).unwrap();
         for name in lacks.split(", ") {
             connection.execute_batch(&format!("DROP TABLE {name}")).unwrap();

@@ -14,10 +14,10 @@ const TRIALS: u64 = 12;
 fn stored(directory: &TempDir) -> PathBuf {
     let (path, mut store) = session(directory);
     for rollout in 1..=TRIALS {
-        store.put_proposal(&proposal(rollout), &policy(rollout)).unwrap();
+        store.put_proposal(&asked(rollout), &policy(rollout)).unwrap();
         store_trial(&mut store, rollout, None).unwrap();
     }
-    store.put_proposal(&proposal(TRIALS + 1), &policy(TRIALS + 1)).unwrap();
+    store.put_proposal(&asked(TRIALS + 1), &policy(TRIALS + 1)).unwrap();
     path
 }
 
@@ -27,7 +27,7 @@ fn expect_all(path: &Path, what: &str) -> Store {
     let expected: Vec<_> = (1..=TRIALS).map(record).collect();
     assert_eq!(store.trials().unwrap(), expected, "{what}");
     assert_eq!(store.path(TRIALS).unwrap(), Some(rows()), "{what}");
-    assert_eq!(store.pending_proposal().unwrap(), Some(proposal(TRIALS + 1)), "{what}");
+    assert_eq!(store.in_flight().unwrap(), [asked(TRIALS + 1)], "{what}");
     assert_eq!(store.policy(TRIALS + 1).unwrap(), Some(policy(TRIALS + 1)), "{what}");
     store
 }
