@@ -141,7 +141,7 @@ impl<U: Update> BatchSearch<U> {
 }
 
 impl<U: Update> Search for BatchSearch<U> {
-    fn ask(&self, rollout: u64) -> Proposal {
+    fn ask(&self, rollout: u64, _pending: &[Proposal]) -> Proposal {
         let theta = match rollout {
             1 => self.gaussian.mean.clone(),
             _ => self.gaussian.sample(self.seed, rollout),

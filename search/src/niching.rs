@@ -197,7 +197,7 @@ impl Niching {
 }
 
 impl Search for Niching {
-    fn ask(&self, rollout: u64) -> Proposal {
+    fn ask(&self, rollout: u64, _pending: &[Proposal]) -> Proposal {
         let place = match &self.stage {
             Stage::Even(_) => self.start(rollout),
             Stage::Beside(optimum) => self.place_beside(*optimum, rollout),

@@ -349,7 +349,7 @@ impl Power {
 }
 
 impl Search for Power {
-    fn ask(&self, rollout: u64) -> Proposal {
+    fn ask(&self, rollout: u64, _pending: &[Proposal]) -> Proposal {
         let theta = if rollout == 1 || self.is_turn_of_mean() {
             self.mean.clone()
         } else {

@@ -233,7 +233,7 @@ impl Regions {
 }
 
 impl Search for Regions {
-    fn ask(&self, rollout: u64) -> Proposal {
+    fn ask(&self, rollout: u64, _pending: &[Proposal]) -> Proposal {
         let point = match &self.step {
             Step::Fill => self.filling.place(rollout),
             Step::Climb(region) => self.climb(*region, rollout),

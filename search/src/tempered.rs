@@ -243,7 +243,7 @@ fn sampler(config: &TemperedConfig, mixture: &Mixture, n_told: u64) -> Sampler {
 impl Search for Tempered {
     /// Of some draws, the one that stands for the most mass no trial has looked at yet: q is
     /// covered evenly instead of by chance.
-    fn ask(&self, rollout: u64) -> Proposal {
+    fn ask(&self, rollout: u64, _pending: &[Proposal]) -> Proposal {
         let mut rng = stream(self.seed, rollout);
         let bounds = self.space.bounds.as_ref();
         let draws: Vec<DVector<f64>> = (0..self.config.n_candidates)
