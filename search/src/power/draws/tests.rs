@@ -126,7 +126,7 @@ fn after_a_success_the_candidate_with_the_highest_known_reward_is_executed() {
     assert!(gain > 0.8, "{gain}");
     let mut failed = with(5);
     executes(&mut failed, 13..=13, false);
-    let plain = failed.draw(14);
+    let plain = failed.draw(14, &[]);
     assert_eq!(failed.ask(14, &[]).theta, plain, "after a failure a plain draw");
 }
 
@@ -178,7 +178,7 @@ fn a_mean_that_fails_is_taken_from_fewer_successes() {
         executes(&mut search, 1..=8, true);
         let mut rollout = 9;
         for &succeeds in means {
-            while !search.is_turn_of_mean() {
+            while !search.is_turn_of_mean(&[]) {
                 executes(&mut search, rollout..=rollout, true);
                 rollout += 1;
             }
