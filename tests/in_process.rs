@@ -57,7 +57,7 @@ fn thetas_rewards_and_outcomes_are_those_of_a_session() {
     .with_compliance(&config.compliance);
     let mut records = vec![TickRecord::ZERO; MAX_RECORDS];
     for trial in session {
-        let Proposal { rollout, theta } = search.ask(trial.rollout);
+        let Proposal { rollout, theta } = search.ask(trial.rollout, &[]);
         assert_eq!(theta, trial.theta, "rollout {rollout}");
         assert_eq!(trial.is_mean, rollout > 1 && theta == *search.mean(), "rollout {rollout}");
         let policy = problem.decode(&theta, PolicyIds::default());

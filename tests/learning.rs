@@ -53,7 +53,7 @@ fn successes(config: &LearnerConfig, demonstration: &Demonstration, arm: &ArmMod
     .with_compliance(&config.compliance);
     let mut records = vec![TickRecord::ZERO; MAX_RECORDS];
     let rollout = |rollout| {
-        let Proposal { theta, .. } = search.ask(rollout);
+        let Proposal { theta, .. } = search.ask(rollout, &[]);
         let policy = problem.decode(&theta, PolicyIds::default());
         let mut plant = PancakePlant::new(arm, &WAM7_START_POSTURE, &PancakeConfig::default());
         let (q0, referee) = (WAM7_START_POSTURE, Referee::Toss(Toss::new(&outcome.toss)));

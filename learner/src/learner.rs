@@ -238,7 +238,10 @@ impl Learner {
     /// Tells the search, unless only a rating of it counts; says once which predictions it stopped to rely on.
     fn tell(&mut self, trial: &TrialRecord) -> Result<(), TellError> {
         let (targets, before) = (self.config.search.targets(), self.search.doubted());
-        let Some(told) = self.telling.trial(trial, targets) else { return Ok(()) };
+        let Some(told) = self.telling.trial(trial, targets) else {
+            self.search.withdraw(trial.rollout);
+            return Ok(());
+        };
         self.search.tell(&told)?;
         self.telling.was_told(&told);
         for j in self.search.doubted().into_iter().filter(|j| !before.contains(j)) {

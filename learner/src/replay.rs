@@ -163,8 +163,11 @@ fn tell(
     record: &TrialRecord,
     config: &LearnerConfig,
 ) -> Result<(), LearnerError> {
-    let Some(trial) = telling.trial(record, config.search.targets()) else { return Ok(()) };
     let rollout = record.rollout;
+    let Some(trial) = telling.trial(record, config.search.targets()) else {
+        search.withdraw(rollout);
+        return Ok(());
+    };
     search.tell(&trial).map_err(|_| LearnerError::NotReproduced { rollout })?;
     telling.was_told(&trial);
     Ok(())

@@ -228,9 +228,9 @@ impl Aim {
 
 impl Search for Aim {
     /// The best candidate; rollouts that are asked for ahead of what was told get the next ones.
-    fn ask(&self, rollout: u64) -> Proposal {
+    fn ask(&self, rollout: u64, _pending: &[Proposal]) -> Proposal {
         if let Some(power) = self.successor() {
-            return power.ask(rollout);
+            return power.ask(rollout, &[]);
         }
         let ahead = rollout.saturating_sub(self.last + 1) as usize;
         let theta = match self.candidates.len() {

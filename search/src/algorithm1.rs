@@ -154,7 +154,7 @@ impl Algorithm1 {
 
 impl Search for Algorithm1 {
     /// Line 2, as [`Mixture::sample`].
-    fn ask(&self, rollout: u64) -> Proposal {
+    fn ask(&self, rollout: u64, _pending: &[Proposal]) -> Proposal {
         let mut rng = stream(self.seed, rollout);
         Proposal { rollout, theta: self.mixture.sample(&mut rng, self.space.bounds.as_ref()) }
     }

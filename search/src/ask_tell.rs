@@ -1,6 +1,6 @@
 //! The counter between a search and those who run its trials: only what was asked is learnt, once.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::DVector;
 use thiserror::Error;
@@ -23,27 +23,46 @@ pub enum TellError {
     Duplicate { rollout: u64 },
 }
 
-/// A search behind checks. Several rollouts may be in flight.
+/// A search behind checks. Several rollouts may be in flight, and are told in any order; the same calls in the
+/// same order give the same bits.
 pub struct AskTell {
     search: Box<dyn Search>,
     dim: usize,
-    in_flight: BTreeSet<u64>,
+    in_flight: BTreeMap<u64, Proposal>,
     told: BTreeSet<u64>,
 }
 
 impl AskTell {
     pub fn new(search: Box<dyn Search>) -> AskTell {
         let dim = search.mean().len();
-        AskTell { search, dim, in_flight: BTreeSet::new(), told: BTreeSet::new() }
+        AskTell { search, dim, in_flight: BTreeMap::new(), told: BTreeSet::new() }
     }
 
-    /// The θ for rollout `rollout` (from 1); asking again gives the same bits until something is
-    /// told.
+    /// The θ for rollout `rollout` (from 1), knowing of the rollouts before it that are in flight. One that is in
+    /// flight itself keeps its θ, whatever was told since: whoever lost a proposal asks again.
     pub fn ask(&mut self, rollout: u64) -> Proposal {
-        if !self.told.contains(&rollout) {
-            self.in_flight.insert(rollout);
+        if let Some(proposal) = self.in_flight.get(&rollout) {
+            return proposal.clone();
         }
-        self.search.ask(rollout)
+        let before = self.in_flight.range(..rollout);
+        let pending: Vec<Proposal> = before.map(|(_, proposal)| proposal.clone()).collect();
+        let proposal = self.search.ask(rollout, &pending);
+        if !self.told.contains(&rollout) {
+            self.search.note(&proposal, &pending);
+            self.in_flight.insert(rollout, proposal.clone());
+        }
+        proposal
+    }
+
+    /// The proposals that were asked for and neither told nor withdrawn, in the order of their rollouts.
+    pub fn in_flight(&self) -> impl Iterator<Item = &Proposal> {
+        self.in_flight.values()
+    }
+
+    /// Gives up a rollout that will never be told, so that no later one reckons with it. It may be asked for
+    /// again, and is then another proposal. `None` if it was not in flight.
+    pub fn withdraw(&mut self, rollout: u64) -> Option<Proposal> {
+        self.in_flight.remove(&rollout)
     }
 
     pub fn tell(&mut self, trial: &Trial) -> Result<(), TellError> {
@@ -51,7 +70,7 @@ impl AskTell {
         if self.told.contains(&rollout) {
             return Err(TellError::Duplicate { rollout });
         }
-        if !self.in_flight.contains(&rollout) {
+        if !self.in_flight.contains_key(&rollout) {
             return Err(TellError::NotAsked { rollout });
         }
         let (found, expected) = (trial.theta.len(), self.dim);

@@ -1,4 +1,12 @@
 //! What the batch searches share: a Gaussian that stays as it is until its batch of trials is told.
+//!
+//! With several rollouts in flight draws are independent, and a batch may hold trials drawn from an older Gaussian. Such
+//! a trial counts as the same draw from the present one: its deviation from the mean it was drawn around, in
+//! units of the noise, added to the present mean. Taking it where it lies pulls the mean back to where it was,
+//! and leaving it out wastes it (docs/adr/0034).
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
@@ -99,6 +107,16 @@ impl FactorGaussian {
         theta
     }
 
+    /// Where `theta`, a draw from `old`, lies when the old mean is moved onto this one, in units of s: a draw keeps
+    /// what it says about a step from the mean, though the mean has moved.
+    fn moved(self: &Arc<Self>, old: &Arc<Self>, theta: &DVector<f64>) -> DVector<f64> {
+        if Arc::ptr_eq(self, old) {
+            return theta.clone();
+        }
+        let scale = self.std.component_div(&old.std);
+        &self.mean + (theta - &old.mean).component_mul(&scale)
+    }
+
     pub fn marginal_std(&self) -> DVector<f64> {
         let mut variance = self.std.component_mul(&self.std);
         for factor in &self.factors {
@@ -126,27 +144,41 @@ pub struct BatchSearch<U> {
     method: U,
     seed: u64,
     space: Space,
-    gaussian: FactorGaussian,
+    gaussian: Arc<FactorGaussian>,
     /// Trials told since the last update.
     batch: Vec<Trial>,
     n_updates: i32,
+    /// What the rollouts in flight were drawn from.
+    noted: BTreeMap<u64, Arc<FactorGaussian>>,
 }
 
 impl<U: Update> BatchSearch<U> {
     pub fn new(method: U, seed: u64, space: Space) -> Self {
         let initial_std = method.batch().initial_std;
-        let gaussian = FactorGaussian::isotropic(space.theta_0.clone(), initial_std);
-        BatchSearch { method, seed, space, gaussian, batch: Vec::new(), n_updates: 0 }
+        let gaussian = Arc::new(FactorGaussian::isotropic(space.theta_0.clone(), initial_std));
+        BatchSearch {
+            method,
+            seed,
+            space,
+            gaussian,
+            batch: Vec::new(),
+            n_updates: 0,
+            noted: BTreeMap::new(),
+        }
     }
 }
 
 impl<U: Update> Search for BatchSearch<U> {
-    fn ask(&self, rollout: u64) -> Proposal {
+    fn ask(&self, rollout: u64, _pending: &[Proposal]) -> Proposal {
         let theta = match rollout {
             1 => self.gaussian.mean.clone(),
             _ => self.gaussian.sample(self.seed, rollout),
         };
         Proposal { rollout, theta: self.space.inside(theta) }
+    }
+
+    fn note(&mut self, proposal: &Proposal, _pending: &[Proposal]) {
+        self.noted.insert(proposal.rollout, self.gaussian.clone());
     }
 
     fn check_reward(&self, reward: f64) -> Result<(), RewardError> {
@@ -155,7 +187,10 @@ impl<U: Update> Search for BatchSearch<U> {
 
     fn tell(&mut self, trial: &Trial) {
         self.check_reward(trial.reward).expect("the reward was checked");
-        self.batch.push(trial.clone());
+        let drawn_from = self.noted.remove(&trial.rollout);
+        let drawn_from = drawn_from.unwrap_or_else(|| self.gaussian.clone());
+        let theta = self.gaussian.moved(&drawn_from, &trial.theta);
+        self.batch.push(Trial { theta, ..trial.clone() });
         if self.batch.len() < self.method.batch().size {
             return;
         }
@@ -164,8 +199,9 @@ impl<U: Update> Search for BatchSearch<U> {
         // Equal rewards say nothing: a step would be a random one.
         if trials[0].reward > trials[trials.len() - 1].reward {
             let floor = self.method.batch().floor(self.n_updates);
-            self.gaussian = self.method.update(&self.gaussian, &trials, floor);
-            self.gaussian.mean = self.space.inside(self.gaussian.mean.clone());
+            let gaussian = self.method.update(&self.gaussian, &trials, floor);
+            let mean = self.space.inside(gaussian.mean);
+            self.gaussian = Arc::new(FactorGaussian { mean, ..gaussian });
             self.n_updates += 1;
         }
     }

@@ -28,7 +28,7 @@ fn drive(
     f: impl Fn(&DVector<f64>) -> f64,
 ) -> Vec<Trial> {
     let trial = |rollout| {
-        let Proposal { theta, .. } = search.ask(rollout);
+        let Proposal { theta, .. } = search.ask(rollout, &[]);
         let trial =
             Trial { rollout, reward: f(&theta), theta, success: false, measured: Vec::new() };
         search.tell(&trial);
@@ -79,11 +79,11 @@ fn all_repeat_their_bits_and_resume_by_retelling() {
         let told = drive(&mut *a, 1, 57, hill);
         told.iter().for_each(|trial| b.tell(trial));
         assert_eq!(a.snapshot(58), b.snapshot(58), "{method:?}");
-        assert_eq!(a.ask(58), b.ask(58), "{method:?}");
-        assert_eq!(a.ask(58), a.ask(58), "{method:?}");
+        assert_eq!(a.ask(58, &[]), b.ask(58, &[]), "{method:?}");
+        assert_eq!(a.ask(58, &[]), a.ask(58, &[]), "{method:?}");
         let mut other = built(method, 7, origin(8));
         drive(&mut *other, 1, 57, hill);
-        assert_ne!(a.ask(58), other.ask(58), "{method:?}");
+        assert_ne!(a.ask(58, &[]), other.ask(58, &[]), "{method:?}");
     }
 }
 
@@ -109,7 +109,7 @@ fn all_survive_hostile_rewards() {
                 let mut search = built(method, 2, origin(dim));
                 drive(&mut *search, 1, 400, |theta| hostile(kind, theta));
                 let at = format!("{method:?}, kind {kind}, D = {dim}");
-                assert!(search.ask(401).theta.iter().all(|x| x.is_finite()), "{at}");
+                assert!(search.ask(401, &[]).theta.iter().all(|x| x.is_finite()), "{at}");
                 assert!(search.snapshot(401).std.iter().all(|s| *s > 0.0), "{at}");
                 if kind < 2 {
                     assert_eq!(search.mean(), &DVector::zeros(dim), "{at}: nothing to learn");
@@ -135,7 +135,7 @@ fn all_survive_equal_and_far_thetas() {
                     measured: Vec::new(),
                 });
             }
-            assert!(search.ask(101).theta.iter().all(|x| x.is_finite()), "{method:?}, {far}");
+            assert!(search.ask(101, &[]).theta.iter().all(|x| x.is_finite()), "{method:?}, {far}");
             assert!(search.snapshot(101).std.min() > 0.0, "{method:?}, {far}");
         }
     }

@@ -39,7 +39,7 @@ fn cost(theta: &DVector<f64>) -> f64 {
 
 fn drive(search: &mut dyn Search, n: u64, reward: impl Fn(&DVector<f64>) -> f64) -> Vec<Trial> {
     let trial = |rollout| {
-        let Proposal { theta, .. } = search.ask(rollout);
+        let Proposal { theta, .. } = search.ask(rollout, &[]);
         let trial =
             Trial { rollout, reward: reward(&theta), theta, success: false, measured: Vec::new() };
         search.check_reward(trial.reward).unwrap();
@@ -93,7 +93,7 @@ fn keeps_to(
     reward: impl Fn(&DVector<f64>) -> f64,
 ) {
     for rollout in 1..=120 {
-        let Proposal { theta, .. } = search.ask(rollout);
+        let Proposal { theta, .. } = search.ask(rollout, &[]);
         assert!(bounds.contains(&theta), "{at}: trial {rollout} at {theta}");
         search.tell(&Trial {
             rollout,
@@ -188,7 +188,7 @@ fn rewards_at_both_ends_of_the_number_range_are_survived() {
             let mut search = build(&config(method), 2, origin());
             drive(&mut *search, 200, reward);
             let at = format!("{method:?}, reward {kind}");
-            assert!(search.ask(201).theta.iter().all(|x| x.is_finite()), "{at}");
+            assert!(search.ask(201, &[]).theta.iter().all(|x| x.is_finite()), "{at}");
             assert!(search.snapshot(201).std.iter().all(|s| *s > 0.0), "{at}");
         }
     }

@@ -48,10 +48,17 @@ use batch::BatchSearch;
 
 /// An episodic search over θ, deterministic in (configuration, seed, told trials).
 pub trait Search: Send {
-    /// The θ for rollout `rollout` (from 1). A pure function of configuration, seed and the trials
-    /// told so far: asking again gives the same bits, and telling stored trials again in their
-    /// order resumes a session.
-    fn ask(&self, rollout: u64) -> Proposal;
+    /// The θ for rollout `rollout` (from 1). `pending` are the proposals that were asked for and are not
+    /// told yet, in the order of their rollouts, each before `rollout`: nothing is known of them but that
+    /// they will be told. A pure function of these and of what was told and noted so far: asking again
+    /// gives the same bits, and repeating a session's calls in their order resumes it.
+    fn ask(&self, rollout: u64, pending: &[Proposal]) -> Proposal;
+
+    /// Notes that `proposal`, asked for beside these `pending` ones, is executed, and with it what it was
+    /// drawn from or meant for, if that says what its trial means: several trials may be told in between.
+    /// A trial that was not noted is taken for what would be asked for at the moment it is told, which is
+    /// right where one rollout is executed at a time.
+    fn note(&mut self, _proposal: &Proposal, _pending: &[Proposal]) {}
 
     /// Whether a trial with this reward can be learnt. A search that only compares rewards takes any
     /// finite one; a search that weights trials by them says so here.
@@ -59,7 +66,7 @@ pub trait Search: Send {
         rewards::finite(reward)
     }
 
-    /// Learns from a trial whose reward passes [`Search::check_reward`].
+    /// Learns from a trial whose reward passes [`Search::check_reward`]. Trials come in any order.
     fn tell(&mut self, trial: &Trial);
 
     /// Centre of the distribution proposals are drawn from.

@@ -9,6 +9,11 @@
 //! in fractions of the box, and by rank: only [`Search::modes`] compares rewards by size, and the
 //! surrogate of a climb, for those who have hundreds of trials and not thousands.
 //!
+//! With several rollouts in flight all probes of a test are tried at once, a climb goes on while it is tested, and arms
+//! that have nothing else to do try even places for the next start, none twice. A pending proposal counts as
+//! visited. What is told late counts where it still can: even places always, a draw for the climb it was drawn
+//! in; a place beside an optimum that is not waited for any more is a place for the next start.
+//!
 //! The work of a trial does not grow with their number; the nearest known optimum is looked for
 //! once per test.
 
@@ -17,6 +22,8 @@ mod config;
 mod optima;
 mod smooth;
 mod steps;
+
+use std::collections::BTreeMap;
 
 use climb::Climb;
 pub use config::NichingConfig;
@@ -37,19 +44,28 @@ const ROUNDING: f64 = 1e-12;
 /// Places nearer to each other than this many standard deviations a climb ends with are the same.
 const RESOLUTION: f64 = 10.0;
 
-/// What the next trial is for.
+/// What the search waits for.
 enum Stage {
-    /// An even place, and those told so far.
-    Even(Vec<Trial>),
+    /// Even places.
+    Even,
     /// A place beside this optimum.
     Beside(usize),
-    /// A place between `at` and this optimum, the `probe`-th of [`PROBES`].
+    /// Places between `at` and this optimum, those of [`PROBES`] that are not told.
     Test {
         at: Trial,
         optimum: usize,
-        probe: usize,
+        told: [bool; PROBES.len()],
     },
     Climb,
+}
+
+/// What a rollout is for; a place beside or a probe in the stage of this number, a draw in the climb of this one.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Purpose {
+    Even,
+    Beside { stage: u64 },
+    Probe { stage: u64, probe: usize },
+    Climb { climb: u64 },
 }
 
 pub struct Niching {
@@ -62,7 +78,13 @@ pub struct Niching {
     optima: Optima,
     stage: Stage,
     climb: Option<Climb>,
+    /// Even places told for the next start.
+    even: Vec<Trial>,
+    noted: BTreeMap<u64, Purpose>,
+    n_stages: u64,
+    n_climbs: u64,
     n_starts: u64,
+    /// Even places that were asked for.
     n_even: u64,
 }
 
@@ -71,10 +93,11 @@ impl Niching {
         let Space { theta_0, bounds, .. } = space;
         let bounds = bounds.unwrap_or_else(|| Bounds::around(&theta_0, config.half_width));
         let filling = Filling::new(bounds.dim(), seed);
-        let (stage, climb) = (Stage::Even(Vec::new()), None);
+        let (stage, climb, even, noted) = (Stage::Even, None, Vec::new(), BTreeMap::new());
         let optima = Optima { all: Vec::new(), answer_share: config.answer_share };
         let mean = bounds.clamp(&theta_0);
-        let (n_starts, n_even, theta_0) = (0, 0, mean.clone());
+        let (n_stages, n_climbs, n_starts, n_even) = (0, 0, 0, 0);
+        let theta_0 = mean.clone();
         Niching {
             config,
             seed,
@@ -85,8 +108,42 @@ impl Niching {
             optima,
             stage,
             climb,
+            even,
+            noted,
+            n_stages,
+            n_climbs,
             n_starts,
             n_even,
+        }
+    }
+
+    fn enter(&mut self, stage: Stage) {
+        self.stage = stage;
+        self.n_stages += 1;
+    }
+
+    fn set_out(&mut self, climb: Climb) {
+        self.climb = Some(climb);
+        self.n_climbs += 1;
+    }
+
+    /// What a further rollout is for beside the pending ones.
+    fn purpose(&self, pending: &[Proposal]) -> Purpose {
+        let noted: Vec<&Purpose> =
+            pending.iter().filter_map(|proposal| self.noted.get(&proposal.rollout)).collect();
+        let stage = self.n_stages;
+        let (beside, draw) = (Purpose::Beside { stage }, Purpose::Climb { climb: self.n_climbs });
+        match &self.stage {
+            Stage::Beside(_) if !noted.contains(&&beside) => beside,
+            Stage::Climb => draw,
+            Stage::Test { told, .. } => {
+                let probes = (0..PROBES.len()).filter(|probe| !told[*probe]);
+                let mut probes = probes.map(|probe| Purpose::Probe { stage, probe });
+                let climbs = self.climb.as_ref().is_some_and(|climb| !climb.is_over());
+                let otherwise = if climbs { draw } else { Purpose::Even };
+                probes.find(|probe| !noted.contains(&probe)).unwrap_or(otherwise)
+            }
+            _ => Purpose::Even,
         }
     }
 
@@ -118,7 +175,7 @@ impl Niching {
                 {
                     self.is_known(at, optimum);
                 } else {
-                    self.stage = Stage::Test { at, optimum, probe: 0 };
+                    self.enter(Stage::Test { at, optimum, told: Default::default() });
                 }
             }
         }
@@ -145,8 +202,8 @@ impl Niching {
         let is_far = way > RESOLUTION * self.config.climb.end_std && !climb.has_succeeded();
         if is_far && at.reward >= self.optima.threshold() {
             let std = (0.5 * way).min(self.config.initial_std);
-            self.climb = Some(Climb::new(self.config.climb, at, std));
-            self.stage = Stage::Climb;
+            self.set_out(Climb::new(self.config.climb, at, std));
+            self.enter(Stage::Climb);
         } else {
             let std = climb.gaussian().marginal_std();
             self.optima.all.push(Optimum { trial: at, std, n_looks: 0 });
@@ -176,41 +233,88 @@ impl Niching {
             let distance = |i: usize| self.optima.all[i].distance(&at.theta);
             let distance = self.optima.nearest(&at.theta).map_or(f64::INFINITY, distance);
             let std = (self.config.relative_std * distance).min(self.config.initial_std);
-            self.climb = Some(Climb::new(self.config.climb, at, std));
+            self.set_out(Climb::new(self.config.climb, at, std));
         }
-        self.stage = Stage::Climb;
+        self.enter(Stage::Climb);
     }
 
     /// By turns an even start and one beside the optimum with the fewest of them.
     fn next_start(&mut self) {
         self.n_starts += 1;
-        self.stage = Stage::Even(Vec::new());
+        self.enter(Stage::Even);
         if self.config.start_std > 0.0 || self.n_starts.is_multiple_of(2) {
             return;
         }
         let answers = self.optima.answers();
         if let Some(optimum) = answers.into_iter().min_by_key(|i| self.optima.all[*i].n_looks) {
             self.optima.all[optimum].n_looks += 1;
-            self.stage = Stage::Beside(optimum);
+            self.enter(Stage::Beside(optimum));
+        }
+    }
+
+    /// A start, once there are enough even places to choose one from.
+    fn choose_start(&mut self) {
+        if self.even.len() < self.config.n_candidates {
+            return;
+        }
+        let mut even: Vec<Trial> = self.even.drain(..self.config.n_candidates).collect();
+        even.sort_by(by_reward);
+        let best = even.swap_remove(0);
+        // A start amidst the optima lies too low for a valley to show.
+        if self.config.start_std > 0.0 { self.go_on(best) } else { self.test(best) }
+    }
+
+    /// A probe of the present test was told.
+    fn probed(&mut self, probe: usize, reward: f64) {
+        let Stage::Test { at, optimum, told } = &mut self.stage else { return };
+        told[probe] = true;
+        let (lower, all) =
+            (at.reward.min(self.optima.all[*optimum].trial.reward), told.iter().all(|told| *told));
+        let (at, optimum) = (at.clone(), *optimum);
+        if reward < lower * (1.0 - ROUNDING) {
+            self.is_new(at);
+        } else if all {
+            self.is_known(at, optimum);
+        }
+    }
+
+    /// A trial of the present climb was told.
+    fn climbed(&mut self, trial: Trial) {
+        let Some(climb) = self.climb.as_mut() else { return };
+        climb.tell(trial);
+        self.mean = self.bounds.clamp(&self.bounds.at(climb.gaussian().mean.as_slice()));
+        let is_due = climb.is_over() || climb.n_told().is_multiple_of(self.config.n_between_tests);
+        if is_due && matches!(self.stage, Stage::Climb) {
+            let best = climb.best().clone();
+            self.test(best);
         }
     }
 }
 
 impl Search for Niching {
-    fn ask(&self, rollout: u64) -> Proposal {
-        let place = match &self.stage {
-            Stage::Even(_) => self.start(rollout),
-            Stage::Beside(optimum) => self.place_beside(*optimum, rollout),
-            Stage::Test { at, optimum, probe } => {
-                at.theta.lerp(&self.optima.all[*optimum].trial.theta, PROBES[*probe])
+    fn ask(&self, rollout: u64, pending: &[Proposal]) -> Proposal {
+        let place = match (self.purpose(pending), &self.stage) {
+            (Purpose::Beside { .. }, Stage::Beside(optimum)) => {
+                self.place_beside(*optimum, rollout)
             }
-            Stage::Climb => {
-                let climb = self.climb.as_ref().expect("the stage is Climb only with one");
-                climb.place(self.seed, rollout)
+            (Purpose::Probe { probe, .. }, Stage::Test { at, optimum, .. }) => {
+                at.theta.lerp(&self.optima.all[*optimum].trial.theta, PROBES[probe])
             }
+            (Purpose::Climb { .. }, _) => {
+                let climb = self.climb.as_ref().expect("draws are asked for in a climb only");
+                let places = pending.iter().map(|p| self.bounds.fractions(&p.theta));
+                climb.place(self.seed, rollout, &places.collect::<Vec<_>>())
+            }
+            _ => self.start(rollout),
         };
         let theta = self.bounds.at(place.map(|x| x.clamp(0.0, 1.0)).as_slice());
         Proposal { rollout, theta: self.bounds.clamp(&theta) }
+    }
+
+    fn note(&mut self, proposal: &Proposal, pending: &[Proposal]) {
+        let purpose = self.purpose(pending);
+        self.n_even += u64::from(purpose == Purpose::Even);
+        self.noted.insert(proposal.rollout, purpose);
     }
 
     fn check_reward(&self, reward: f64) -> Result<(), RewardError> {
@@ -222,40 +326,23 @@ impl Search for Niching {
 
     fn tell(&mut self, trial: &Trial) {
         self.check_reward(trial.reward).expect("the reward was checked");
+        if !self.noted.contains_key(&trial.rollout) {
+            self.note(&Proposal { rollout: trial.rollout, theta: trial.theta.clone() }, &[]);
+        }
+        let purpose = self.noted.remove(&trial.rollout).expect("it was noted");
         let trial = Trial { theta: self.bounds.fractions(&trial.theta), ..trial.clone() };
-        match std::mem::replace(&mut self.stage, Stage::Climb) {
-            Stage::Even(mut told) => {
-                self.n_even += 1;
-                told.push(trial);
-                if told.len() < self.config.n_candidates {
-                    self.stage = Stage::Even(told);
-                    return;
-                }
-                told.sort_by(by_reward);
-                let best = told.swap_remove(0);
-                // A start amidst the optima lies too low for a valley to show.
-                if self.config.start_std > 0.0 { self.go_on(best) } else { self.test(best) }
+        match purpose {
+            Purpose::Climb { climb } if climb == self.n_climbs => self.climbed(trial),
+            Purpose::Probe { stage, probe } if stage == self.n_stages => {
+                self.probed(probe, trial.reward);
             }
-            Stage::Beside(_) => self.test(trial),
-            Stage::Test { at, optimum, probe } => {
-                let lower = at.reward.min(self.optima.all[optimum].trial.reward);
-                if trial.reward < lower * (1.0 - ROUNDING) {
-                    self.is_new(at);
-                } else if probe + 1 < PROBES.len() {
-                    self.stage = Stage::Test { at, optimum, probe: probe + 1 };
-                } else {
-                    self.is_known(at, optimum);
-                }
-            }
-            Stage::Climb => {
-                let climb = self.climb.as_mut().expect("the stage is Climb only with one");
-                climb.tell(trial);
-                self.mean = self.bounds.clamp(&self.bounds.at(climb.gaussian().mean.as_slice()));
-                if climb.is_over() || climb.n_told().is_multiple_of(self.config.n_between_tests) {
-                    let best = climb.best().clone();
-                    self.test(best);
-                }
-            }
+            Purpose::Beside { stage } if stage == self.n_stages => self.test(trial),
+            Purpose::Even | Purpose::Beside { .. } => self.even.push(trial),
+            // Too late for its climb or test.
+            Purpose::Climb { .. } | Purpose::Probe { .. } => {}
+        }
+        if matches!(self.stage, Stage::Even) {
+            self.choose_start();
         }
     }
 

@@ -11,6 +11,10 @@
 //! executed whose known reward is highest. Where draws fail the noise narrows, and where the mean fails it
 //! is taken from fewer successes ([`draws`]).
 //!
+//! With several rollouts in flight draws are independent, and every trial counts as it comes, from however old a
+//! distribution: elites are the best trials of all, drawn from wherever. Turns of the mean count pending rollouts, and no
+//! mean is executed twice at once.
+//!
 //! Departure: the paper takes a reward for what a trial is worth. Where it may be wrong, as a person's rating, elites
 //! are ranked by what the rewards of their neighbours say as well ([`neighbours`]).
 
@@ -18,6 +22,7 @@ mod draws;
 mod neighbours;
 
 use std::cmp::Ordering;
+use std::collections::BTreeMap;
 
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
@@ -260,6 +265,10 @@ pub struct Power {
     n_chosen: usize,
     /// The first trial and those of the initial batch.
     initial: Vec<Trial>,
+    /// Of the rollouts in flight, the mean that is executed; `None` for a draw.
+    noted: BTreeMap<u64, Option<DVector<f64>>>,
+    /// The latest rollout told.
+    newest: u64,
 }
 
 impl Power {
@@ -283,6 +292,8 @@ impl Power {
             spread: 1.0,
             n_chosen: config.n_elites,
             initial,
+            noted: BTreeMap::new(),
+            newest: 0,
         }
     }
 
@@ -306,7 +317,7 @@ impl Power {
         self.kept.insert(place, trial.clone());
         let PowerConfig { n_elites, memory, .. } = self.config;
         if memory > 0 {
-            self.kept.retain(|other| other.rollout + memory > trial.rollout);
+            self.kept.retain(|other| other.rollout + memory > self.newest);
             return;
         }
         // Nothing is ever forgotten, so who is no elite now will not become one.
@@ -349,13 +360,18 @@ impl Power {
 }
 
 impl Search for Power {
-    fn ask(&self, rollout: u64) -> Proposal {
-        let theta = if rollout == 1 || self.is_turn_of_mean() {
+    fn ask(&self, rollout: u64, pending: &[Proposal]) -> Proposal {
+        let theta = if rollout == 1 || self.is_turn_of_mean(pending) {
             self.mean.clone()
         } else {
-            self.space.inside(self.best_draw(rollout))
+            self.space.inside(self.best_draw(rollout, pending))
         };
         Proposal { rollout, theta }
+    }
+
+    fn note(&mut self, proposal: &Proposal, pending: &[Proposal]) {
+        let mean = self.is_turn_of_mean(pending).then(|| self.mean.clone());
+        self.noted.insert(proposal.rollout, mean);
     }
 
     fn check_reward(&self, reward: f64) -> Result<(), RewardError> {
@@ -371,9 +387,12 @@ impl Search for Power {
     fn tell(&mut self, trial: &Trial) {
         self.check_reward(trial.reward).expect("the reward was checked");
         self.n_told += 1;
+        self.newest = self.newest.max(trial.rollout);
         self.worst = self.worst.min(trial.reward);
         self.keep(trial);
-        self.take_note(trial.success);
+        let noted = self.noted.remove(&trial.rollout).map(|mean| mean.is_some());
+        let is_mean = noted.unwrap_or_else(|| self.is_turn_of_mean(&[]));
+        self.adapt(is_mean, trial.success);
         if self.n_told <= self.config.n_initial {
             self.initial.push(trial.clone());
             return;

@@ -60,7 +60,7 @@ impl Random {
 
 impl Search for Random {
     /// Rollout 1 is θ₀ itself, as in every method, so that all start with the same trial.
-    fn ask(&self, rollout: u64) -> Proposal {
+    fn ask(&self, rollout: u64, _pending: &[Proposal]) -> Proposal {
         let mut rng = stream(self.seed, rollout);
         let theta = match &self.space.bounds {
             _ if rollout == 1 => self.space.theta_0.clone(),
@@ -108,11 +108,11 @@ mod tests {
     fn samples_around_the_start_and_answers_with_the_best_trial() {
         let start = DVector::from_element(2000, 3.0);
         let mut search = Random::new(RandomConfig { std: 0.5 }, 1, Space::white(start.clone()));
-        assert_eq!(search.ask(1).theta, start);
-        let before = search.ask(2);
+        assert_eq!(search.ask(1, &[]).theta, start);
+        let before = search.ask(2, &[]);
         search.tell(&trial(2, before.theta.clone(), 9.0));
         search.tell(&trial(3, start.clone(), 8.0));
-        assert_eq!(search.ask(2), before);
+        assert_eq!(search.ask(2, &[]), before);
         assert_eq!(search.modes()[0].mean, before.theta);
         let deviation = &before.theta - &start;
         assert!((deviation.norm() / 2000_f64.sqrt() - 0.5).abs() < 0.03);
@@ -125,7 +125,7 @@ mod tests {
         let search = Random::new(RandomConfig::default(), 4, Space { bounds, ..start });
         assert_eq!(search.mean().as_slice(), [0.0, 20.0]);
         let thetas: Vec<DVector<f64>> =
-            (2..2002).map(|rollout| search.ask(rollout).theta).collect();
+            (2..2002).map(|rollout| search.ask(rollout, &[]).theta).collect();
         let share = |inside: &dyn Fn(&DVector<f64>) -> bool| {
             thetas.iter().filter(|theta| inside(theta)).count() as f64 / 2000.0
         };

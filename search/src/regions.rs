@@ -7,6 +7,10 @@
 //! Regions are one when a way is known on which the reward does not fall below a share of the best,
 //! however curved: an optimum may be a ridge, which no Gaussian describes.
 //!
+//! With several rollouts in flight a bridge is tried once and the others climb: the region with the fewest climbs,
+//! pending ones included, and away from the pending places, which the surrogate is told as if they had come out as it
+//! expects (kriging believer). A trial told late belongs to the region it was meant for, whatever that was merged with.
+//!
 //! All of this happens in fractions of the box. The work of a trial is O(n²), and O(n) for each place of
 //! the map while several regions are high. Sec. 4.2 counts by split and merge of a mixture instead
 //! ([`super::algorithm1`]).
@@ -22,6 +26,7 @@ mod spectral;
 mod surrogate;
 
 use std::cmp::Reverse;
+use std::collections::BTreeMap;
 
 use clusters::of_good_trials;
 pub use config::{Estimator, RegionsConfig};
@@ -42,6 +47,9 @@ const N_DRAWS: usize = 40;
 const CLIMB_SHARES: [f64; 5] = [1.0, 0.5, 0.25, 0.12, 0.06];
 /// Standard deviations added to the expected reward of a step.
 const CLIMB_OPTIMISM: f64 = 0.5;
+
+/// Places nearer to each other than this, in widths of the box, are the same but for rounding.
+const SAME: f64 = 1e-9;
 
 /// A connected set of good trials.
 #[derive(Clone, Debug)]
@@ -66,6 +74,13 @@ enum Step {
     },
 }
 
+/// What a rollout in flight is for; of its regions, the best trials at that time, as regions may merge.
+enum Purpose {
+    Fill,
+    Climb(usize),
+    Bridge([usize; 2]),
+}
+
 pub struct Regions {
     config: RegionsConfig,
     seed: u64,
@@ -79,6 +94,7 @@ pub struct Regions {
     regions: Vec<Region>,
     n_bridges: usize,
     step: Step,
+    noted: BTreeMap<u64, Purpose>,
     mean: DVector<f64>,
 }
 
@@ -96,6 +112,7 @@ impl Regions {
             regions: Vec::new(),
             n_bridges: 0,
             step: Step::Fill,
+            noted: BTreeMap::new(),
             mean: bounds.clamp(&theta_0),
             bounds,
         }
@@ -155,36 +172,72 @@ impl Regions {
         self.regions[a] = self.region(members, self.regions[a].n_climbs.max(other.n_climbs));
     }
 
-    /// The nearer of two regions to the trial just told.
-    fn nearer(&self, regions: [usize; 2]) -> usize {
+    /// The nearest of some regions to the trial just told; the first of equals.
+    fn nearest(&self, regions: impl IntoIterator<Item = usize>) -> usize {
         let point = self.points.last().expect("a trial was told");
-        let distance = |region: usize| {
-            let members = self.regions[region].members.iter();
+        let distance = |region: &usize| {
+            let members = self.regions[*region].members.iter();
             members.map(|&t| self.points[t].metric_distance(point)).fold(f64::INFINITY, f64::min)
         };
-        let [a, b] = regions;
-        if distance(a) <= distance(b) { a } else { b }
+        let nearest = regions.into_iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
+        nearest.expect("there are regions")
+    }
+
+    /// The region of an earlier trial.
+    fn region_of(&self, trial: usize) -> usize {
+        let region = self.regions.iter().position(|region| region.members.contains(&trial));
+        region.expect("every trial belongs to a region")
     }
 
     /// Merges what is known to be connected, and decides what the next trial is for.
     fn plan(&mut self) -> Step {
-        if let Some(bridge) = self.bridge() {
-            self.n_bridges += 1;
-            return bridge;
+        self.bridge().unwrap_or_else(|| Step::Climb(self.next_climb(&[])))
+    }
+
+    /// The promising region with the fewest climbs, those that are pending included.
+    fn next_climb(&self, pending: &[Proposal]) -> usize {
+        let mut n_climbs: Vec<u32> = self.regions.iter().map(|region| region.n_climbs).collect();
+        for proposal in pending {
+            if let Some(Purpose::Climb(trial)) = self.noted.get(&proposal.rollout) {
+                n_climbs[self.region_of(*trial)] += 1;
+            }
         }
         // The longer a region has climbed, the higher it must be.
-        let promising = |region: &&usize| {
-            let region = &self.regions[**region];
+        let promising = |region: &usize| {
+            let region = &self.regions[*region];
             let patience = f64::from(region.n_climbs) / f64::from(self.config.patience);
             self.reaches(region, self.config.answer_share * patience.min(1.0))
         };
-        let all: Vec<usize> = (0..self.regions.len()).collect();
-        let next = all.iter().filter(promising).min_by_key(|&&r| self.regions[r].n_climbs);
-        Step::Climb(*next.expect("the region of the best trial is promising"))
+        let next = (0..self.regions.len()).filter(promising).min_by_key(|r| n_climbs[*r]);
+        next.expect("the region of the best trial is promising")
+    }
+
+    /// What a further rollout is for beside the pending ones.
+    fn step(&self, pending: &[Proposal]) -> Step {
+        let is_pending = |point: &DVector<f64>| {
+            let places = pending.iter().map(|proposal| self.bounds.fractions(&proposal.theta));
+            places.into_iter().any(|place| place.metric_distance(point) < SAME)
+        };
+        match &self.step {
+            Step::Climb(_) if !pending.is_empty() => Step::Climb(self.next_climb(pending)),
+            Step::Bridge { point, .. } if is_pending(point) => {
+                Step::Climb(self.next_climb(pending))
+            }
+            step => step.clone(),
+        }
+    }
+
+    fn purpose(&self, pending: &[Proposal]) -> Purpose {
+        let best = |region: usize| self.regions[region].best;
+        match self.step(pending) {
+            Step::Fill => Purpose::Fill,
+            Step::Climb(region) => Purpose::Climb(best(region)),
+            Step::Bridge { regions, .. } => Purpose::Bridge(regions.map(best)),
+        }
     }
 
     /// The most promising of some random steps from the best trial of `region`.
-    fn climb(&self, region: usize, rollout: u64) -> DVector<f64> {
+    fn climb(&self, region: usize, rollout: u64, pending: &[Proposal]) -> DVector<f64> {
         let map = self.map.as_ref().expect("climbs begin when the box is filled");
         let best = &self.points[self.regions[region].best];
         let mut rng = stream(self.seed, rollout);
@@ -194,7 +247,10 @@ impl Regions {
         };
         let draws: Vec<DVector<f64>> = (0..N_DRAWS).map(draw).collect();
         let score = |belief: &Belief| belief.mean + CLIMB_OPTIMISM * belief.std;
-        let believed = map.beliefs_at(&draws).into_iter().zip(draws);
+        let pending: Vec<DVector<f64>> =
+            pending.iter().map(|proposal| self.bounds.fractions(&proposal.theta)).collect();
+        let beliefs = map.beliefs_beside(&pending, &self.values(), &draws);
+        let believed = beliefs.into_iter().zip(draws);
         let highest = believed.max_by(|a, b| score(&a.0).total_cmp(&score(&b.0)));
         highest.expect("there are draws").1
     }
@@ -233,13 +289,17 @@ impl Regions {
 }
 
 impl Search for Regions {
-    fn ask(&self, rollout: u64) -> Proposal {
-        let point = match &self.step {
+    fn ask(&self, rollout: u64, pending: &[Proposal]) -> Proposal {
+        let point = match self.step(pending) {
             Step::Fill => self.filling.place(rollout),
-            Step::Climb(region) => self.climb(*region, rollout),
-            Step::Bridge { point, .. } => point.clone(),
+            Step::Climb(region) => self.climb(region, rollout, pending),
+            Step::Bridge { point, .. } => point,
         };
         Proposal { rollout, theta: self.theta(&point) }
+    }
+
+    fn note(&mut self, proposal: &Proposal, pending: &[Proposal]) {
+        self.noted.insert(proposal.rollout, self.purpose(pending));
     }
 
     fn check_reward(&self, reward: f64) -> Result<(), RewardError> {
@@ -249,6 +309,8 @@ impl Search for Regions {
     /// The box goes on being filled as long as nothing is rewarded.
     fn tell(&mut self, trial: &Trial) {
         self.check_reward(trial.reward).expect("the reward was checked");
+        let noted = self.noted.remove(&trial.rollout);
+        let purpose = noted.unwrap_or_else(|| self.purpose(&[]));
         let point = self.bounds.fractions(&trial.theta);
         self.points.push(point.clone());
         self.rewards.push(trial.reward);
@@ -256,13 +318,20 @@ impl Search for Regions {
         if let Some(map) = &mut self.map {
             map.push(point, &values);
         }
-        match self.step {
-            Step::Fill if self.points.len() < self.config.n_fill || self.best_reward() <= 0.0 => {
+        if let Step::Fill = self.step {
+            if self.points.len() < self.config.n_fill || self.best_reward() <= 0.0 {
                 return;
             }
-            Step::Fill => self.count(),
-            Step::Climb(region) => self.join(region, 1),
-            Step::Bridge { regions, .. } => self.join(self.nearer(regions), 0),
+            self.count();
+        } else {
+            match purpose {
+                Purpose::Fill => self.join(self.nearest(0..self.regions.len()), 0),
+                Purpose::Climb(trial) => self.join(self.region_of(trial), 1),
+                Purpose::Bridge(trials) => {
+                    self.n_bridges += 1;
+                    self.join(self.nearest(trials.map(|trial| self.region_of(trial))), 0);
+                }
+            }
         }
         self.step = self.plan();
         if let Some((region, _)) = self.answers().first() {

@@ -94,8 +94,12 @@ struct Mapped {
 }
 
 impl Search for Mapped {
-    fn ask(&self, rollout: u64) -> Proposal {
-        self.search.ask(rollout)
+    fn ask(&self, rollout: u64, pending: &[Proposal]) -> Proposal {
+        self.search.ask(rollout, pending)
+    }
+
+    fn note(&mut self, proposal: &Proposal, pending: &[Proposal]) {
+        self.search.note(proposal, pending);
     }
 
     fn check_reward(&self, reward: f64) -> Result<(), RewardError> {

@@ -4,6 +4,9 @@
 //! a hundred parameters a mixture fitted by EM cannot tell two ways apart from so few trials, while
 //! two demonstrations tell them apart already.
 //!
+//! With several rollouts in flight each search is told of its own pending ones, by their numbers there; turns go
+//! by the number of a rollout, so they do not depend on the order in which trials are told.
+//!
 //! A start may join later: it has its first turn in the rollout after those it came after, and the rollouts
 //! before belong to whom they belonged.
 
@@ -57,6 +60,13 @@ impl Several {
         }
     }
 
+    /// Those of `pending` that belong to search `k`, with their numbers there.
+    fn pending_of(&self, k: usize, pending: &[Proposal]) -> Vec<Proposal> {
+        let placed = pending.iter().map(|proposal| (self.place(proposal.rollout), proposal));
+        let own = placed.filter(|((whose, _), _)| *whose == k);
+        own.map(|((_, own), p)| Proposal { rollout: own, theta: p.theta.clone() }).collect()
+    }
+
     /// Mean reward of the newest trials of search `k`; above the worst of them all if that one is
     /// negative, so that shares of merits are shares.
     fn merit(&self, k: usize) -> f64 {
@@ -67,9 +77,16 @@ impl Several {
 }
 
 impl Search for Several {
-    fn ask(&self, rollout: u64) -> Proposal {
+    fn ask(&self, rollout: u64, pending: &[Proposal]) -> Proposal {
         let (k, own) = self.place(rollout);
-        Proposal { rollout, theta: self.searches[k].ask(own).theta }
+        let pending = self.pending_of(k, pending);
+        Proposal { rollout, theta: self.searches[k].ask(own, &pending).theta }
+    }
+
+    fn note(&mut self, proposal: &Proposal, pending: &[Proposal]) {
+        let (k, own) = self.place(proposal.rollout);
+        let pending = self.pending_of(k, pending);
+        self.searches[k].note(&Proposal { rollout: own, ..proposal.clone() }, &pending);
     }
 
     fn check_reward(&self, reward: f64) -> Result<(), RewardError> {
@@ -137,7 +154,7 @@ mod tests {
         let starts = [3.0, -3.0].map(|x| Space::white(DVector::repeat(2, x)));
         let mut search = build_all(&SearchConfig::default(), 1, starts.to_vec());
         for rollout in 1..=120 {
-            let theta = search.ask(rollout).theta;
+            let theta = search.ask(rollout, &[]).theta;
             let trial = Trial {
                 rollout,
                 reward: reward(&theta),
@@ -185,14 +202,14 @@ mod tests {
         let mut alone = build_joined(&SearchConfig::default(), 1, spaces(&[(0, 3.0)]));
         let mut both = build_joined(&SearchConfig::default(), 1, spaces(&[(0, 3.0), (30, -3.0)]));
         for rollout in 1..=30 {
-            let theta = alone.ask(rollout).theta;
-            assert_eq!(both.ask(rollout).theta, theta);
+            let theta = alone.ask(rollout, &[]).theta;
+            assert_eq!(both.ask(rollout, &[]).theta, theta);
             let (reward, success, measured) = (reward(&theta), false, Vec::new());
             let trial = Trial { rollout, theta, reward, success, measured };
             alone.tell(&trial);
             both.tell(&trial);
         }
-        assert_eq!(both.ask(31).theta, DVector::repeat(2, -3.0), "the new start");
-        assert_eq!(both.ask(32).theta, alone.ask(31).theta);
+        assert_eq!(both.ask(31, &[]).theta, DVector::repeat(2, -3.0), "the new start");
+        assert_eq!(both.ask(32, &[]).theta, alone.ask(31, &[]).theta);
     }
 }

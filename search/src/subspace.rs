@@ -40,6 +40,16 @@ impl Subspace {
         place(&self.space, e)
     }
 
+    /// The same proposal for the inner search.
+    fn inner(&self, proposal: &Proposal) -> Proposal {
+        let e = &self.inverse * (&proposal.theta - &self.space.theta_0);
+        Proposal { rollout: proposal.rollout, theta: e }
+    }
+
+    fn all_inner(&self, proposals: &[Proposal]) -> Vec<Proposal> {
+        proposals.iter().map(|proposal| self.inner(proposal)).collect()
+    }
+
     /// L Σ Lᵀ.
     fn covariance(&self, inner: &DMatrix<f64>) -> DMatrix<f64> {
         let l = &self.space.exploration;
@@ -53,9 +63,14 @@ fn place(space: &Space, e: &DVector<f64>) -> DVector<f64> {
 }
 
 impl Search for Subspace {
-    fn ask(&self, rollout: u64) -> Proposal {
-        let Proposal { theta: e, .. } = self.inner.ask(rollout);
+    fn ask(&self, rollout: u64, pending: &[Proposal]) -> Proposal {
+        let Proposal { theta: e, .. } = self.inner.ask(rollout, &self.all_inner(pending));
         Proposal { rollout, theta: self.theta(&e) }
+    }
+
+    fn note(&mut self, proposal: &Proposal, pending: &[Proposal]) {
+        let (proposal, pending) = (self.inner(proposal), self.all_inner(pending));
+        self.inner.note(&proposal, &pending);
     }
 
     fn check_reward(&self, reward: f64) -> Result<(), RewardError> {
@@ -120,8 +135,8 @@ mod tests {
         assert_eq!(search.mean(), &outer.theta_0);
         let inner = Random::new(random, 4, Space::white(DVector::zeros(3)));
         for rollout in 1..20 {
-            let theta = search.ask(rollout).theta;
-            let e = inner.ask(rollout).theta;
+            let theta = search.ask(rollout, &[]).theta;
+            let e = inner.ask(rollout, &[]).theta;
             assert_eq!(theta, &outer.theta_0 + &outer.exploration * &e);
             let back = &search.inverse * (&theta - &outer.theta_0);
             assert!((back - e).amax() < 1e-12, "least squares inverts");
@@ -138,7 +153,7 @@ mod tests {
         let config = SearchConfig::default();
         let mut search = Subspace::new(space(), |inner| build(&config, 3, inner));
         for rollout in 1..=150 {
-            let theta = search.ask(rollout).theta;
+            let theta = search.ask(rollout, &[]).theta;
             let reward = hill(&search, &theta);
             search.tell(&Trial { rollout, theta, reward, success: false, measured: Vec::new() });
         }

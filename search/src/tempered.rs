@@ -11,6 +11,9 @@
 //! well above: first the mixture covers whatever is rewarded, in the end it stands on the best
 //! solutions. All is invariant to r → c·r.
 //!
+//! With several rollouts in flight a trial is weighted by the density it was drawn from, which may be an older one, and
+//! pending proposals count as trials in the novelty of a draw. β and the share of wide draws go by the trials told.
+//!
 //! Departure: the weights are biased. A trial is the most novel of `n_candidates` draws, so its
 //! density is not q but q times how often a draw there is the most novel one, n·F(novelty)ⁿ⁻¹ with
 //! the distribution F of the novelty of a draw. Places far from all trials are tried more often than
@@ -22,6 +25,7 @@
 mod proposals;
 mod weighted;
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
@@ -143,6 +147,8 @@ pub struct Tempered {
     past: Past,
     trials: Vec<Remembered>,
     n_told: u64,
+    /// What the rollouts in flight were drawn from.
+    noted: BTreeMap<u64, Arc<Sampler>>,
 }
 
 impl Tempered {
@@ -151,7 +157,8 @@ impl Tempered {
         let mixture = Mixture::single(start);
         let sampler = Arc::new(sampler(&config, &mixture, 0));
         let (past, trials, n_told) = (Past::default(), Vec::new(), 0);
-        Tempered { config, seed, space, mixture, sampler, past, trials, n_told }
+        let noted = BTreeMap::new();
+        Tempered { config, seed, space, mixture, sampler, past, trials, n_told, noted }
     }
 
     pub fn mixture(&self) -> &Mixture {
@@ -162,13 +169,14 @@ impl Tempered {
     /// all draws for the new one.
     fn remember(&mut self, trial: &Trial) {
         self.n_told += 1;
+        let sampler = self.noted.remove(&trial.rollout).unwrap_or_else(|| self.sampler.clone());
         let log_decay = self.config.log_decay();
         let thetas = self.thetas(|_| true);
-        let densities = thetas.map_or(Vec::new(), |thetas| self.sampler.log_densities(&thetas));
+        let densities = thetas.map_or(Vec::new(), |thetas| sampler.log_densities(&thetas));
         for (trial, density) in self.trials.iter_mut().zip(densities) {
             trial.log_drawn = log_add(trial.log_drawn + log_decay, density);
         }
-        self.past.push(self.sampler.clone(), log_decay);
+        self.past.push(sampler, log_decay);
         self.trials.push(Remembered {
             number: self.n_told,
             theta: trial.theta.clone(),
@@ -224,10 +232,12 @@ impl Tempered {
         Some(Weighted { thetas, weights, n_effective })
     }
 
-    /// log of q(θ)·dᴰ with the distance d to the nearest trial: of the mass that the empty ball
-    /// around θ holds, but for a constant.
-    fn novelty(&self, theta: &DVector<f64>, log_density: f64) -> f64 {
-        let distances = self.trials.iter().map(|trial| (&trial.theta - theta).norm_squared());
+    /// log of q(θ)·dᴰ with the distance d to the nearest trial, told or pending: of the mass that the empty
+    /// ball around θ holds, but for a constant.
+    fn novelty(&self, theta: &DVector<f64>, log_density: f64, pending: &[Proposal]) -> f64 {
+        let told = self.trials.iter().map(|trial| &trial.theta);
+        let all = told.chain(pending.iter().map(|proposal| &proposal.theta));
+        let distances = all.map(|other| (other - theta).norm_squared());
         let nearest = distances.fold(f64::INFINITY, f64::min);
         let log_distance = if nearest.is_finite() { 0.5 * nearest.ln() } else { 0.0 };
         log_density + theta.len() as f64 * log_distance
@@ -243,17 +253,21 @@ fn sampler(config: &TemperedConfig, mixture: &Mixture, n_told: u64) -> Sampler {
 impl Search for Tempered {
     /// Of some draws, the one that stands for the most mass no trial has looked at yet: q is
     /// covered evenly instead of by chance.
-    fn ask(&self, rollout: u64) -> Proposal {
+    fn ask(&self, rollout: u64, pending: &[Proposal]) -> Proposal {
         let mut rng = stream(self.seed, rollout);
         let bounds = self.space.bounds.as_ref();
         let draws: Vec<DVector<f64>> = (0..self.config.n_candidates)
             .map(|_| draw_within(bounds, || self.sampler.draw(&mut rng)))
             .collect();
         let densities = self.sampler.log_densities(&DMatrix::from_columns(&draws));
-        let novelty = draws.iter().zip(densities).map(|(theta, q)| self.novelty(theta, q));
+        let novelty = draws.iter().zip(densities).map(|(theta, q)| self.novelty(theta, q, pending));
         let novelty: Vec<f64> = novelty.collect();
         let best = (0..draws.len()).max_by(|&a, &b| novelty[a].total_cmp(&novelty[b]));
         Proposal { rollout, theta: draws[best.expect("n_candidates ≥ 1")].clone() }
+    }
+
+    fn note(&mut self, proposal: &Proposal, _pending: &[Proposal]) {
+        self.noted.insert(proposal.rollout, self.sampler.clone());
     }
 
     fn check_reward(&self, reward: f64) -> Result<(), RewardError> {

@@ -110,9 +110,10 @@ fn cases() -> Vec<Value> {
             cases.push(case(false, false));
         }
         if method == "regions" {
-            // By default it fills the box all the while, and neither climbs nor bridges.
+            // By default it fills the box all the while. Here it climbs, and bridges the groups that the
+            // estimator finds on one hill.
             let mut filled = case(true, false);
-            filled["search"]["regions"] = json!({ "n_fill": 15 });
+            filled["search"]["regions"] = json!({ "n_fill": 20, "estimator": "dirichlet" });
             cases.push(filled);
         }
     }

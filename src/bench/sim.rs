@@ -98,7 +98,7 @@ fn policies(arm: &Arm) -> Result<Vec<PolicyMsg>> {
     let config = &arm.config.learner;
     let problem = Problem::new(config, &setup::demonstrations(&arm.config)?)?;
     let search = problem.search(config);
-    let decode = |rollout| problem.decode(&search.ask(rollout).theta, Default::default());
+    let decode = |rollout| problem.decode(&search.ask(rollout, &[]).theta, Default::default());
     Ok((1..=N_POLICIES).map(decode).collect())
 }
 

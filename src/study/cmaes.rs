@@ -112,7 +112,7 @@ fn replay(config: &CmaConfig, seed: u64, run: u64, space: &Space, costs: &[f64])
 
 impl Search for Cma {
     /// Points are matched to rewards by their order, so the trials told count, not `rollout`.
-    fn ask(&self, rollout: u64) -> Proposal {
+    fn ask(&self, rollout: u64, _pending: &[Proposal]) -> Proposal {
         let index = self.costs.len() % self.generation.points.len();
         Proposal { rollout, theta: self.inside(&self.generation.points[index]) }
     }

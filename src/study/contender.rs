@@ -201,7 +201,7 @@ mod tests {
                     let config = Draw::new(setting, TEN_WIDE).search(method);
                     config.validate().unwrap_or_else(|error| panic!("{name} {setting}: {error}"));
                 }
-                let ask = || search(contender, setting, TEN_WIDE, 1, space.clone()).ask(2);
+                let ask = || search(contender, setting, TEN_WIDE, 1, space.clone()).ask(2, &[]);
                 assert_eq!(ask(), ask(), "{name}");
             }
         }

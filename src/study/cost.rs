@@ -90,7 +90,7 @@ fn session(seed: u64, method: Method, dim: usize) -> (f64, f64) {
     let mut search = build(&config, seed, Space::white(DVector::repeat(dim, 2.0)));
     let mut times = Vec::new();
     for rollout in 1..=LONG {
-        let theta = search.ask(rollout).theta;
+        let theta = search.ask(rollout, &[]).theta;
         let reward = (-0.5 * theta.norm_squared()).exp();
         let trial = Trial { rollout, theta, reward, success: false, measured: Vec::new() };
         let start = Instant::now();
@@ -114,7 +114,7 @@ fn aim_session(seed: u64, predict: bool) -> Result<(f64, f64)> {
     let (mut search, mut rng) = (problem.search(&config.learner), stream(seed, 2));
     let mut times = Vec::new();
     for rollout in 1..=AIM_TRIALS {
-        let theta = search.ask(rollout).theta;
+        let theta = search.ask(rollout, &[]).theta;
         let off = |value: Option<f64>| value.map(|v| v + 0.05 * standard_normal(&mut rng));
         let measured = prediction.of(&theta).into_iter().map(off).collect();
         let trial = Trial { rollout, theta, reward: 0.0, success: false, measured };

@@ -32,7 +32,7 @@ fn run(problem: &Problem, seed: u64) -> Result<Vec<Vec<f64>>> {
     let space = Space { bounds: Some(bounds), ..space };
     let mut search = Niching::new(NichingConfig::default(), seed, space);
     for rollout in 1..=problem.budget {
-        let theta = search.ask(rollout).theta;
+        let theta = search.ask(rollout, &[]).theta;
         let reward = (problem.f)(theta.as_slice()) - problem.lower;
         search.tell(&Trial { rollout, theta, reward, success: false, measured: Vec::new() });
     }

@@ -168,7 +168,7 @@ mod tests {
             for (setting, (_, ranges)) in settings.iter().zip(TASKS) {
                 assert!(*setting < N_SETTINGS, "{name}");
                 let search = contender::search(contender, *setting, ranges, 1, space.clone());
-                let theta = search.ask(2).theta;
+                let theta = search.ask(2, &[]).theta;
                 assert!(theta[0] != 4.0 && theta[1] != 4.0 && theta[2] == 4.0, "{name}: {theta}");
             }
         }

@@ -62,7 +62,7 @@ pub fn trial<S: Search + ?Sized, C: Into<Came>, E>(
     rollout: u64,
     execute: impl FnOnce(&DVector<f64>) -> Result<C, E>,
 ) -> Result<Executed, E> {
-    let theta = search.ask(rollout).theta;
+    let theta = search.ask(rollout, &[]).theta;
     // The first rollout is the start, which is nobody's mean yet.
     let is_mean = rollout > 1 && theta == *search.mean();
     let Came { success, reward, measured } = execute(&theta)?.into();

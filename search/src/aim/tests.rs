@@ -44,7 +44,7 @@ fn trial(rollout: u64, theta: DVector<f64>) -> Trial {
 fn run(config: &SearchConfig, seed: u64, space: Space, n: u64) -> (Box<dyn Search>, Vec<Trial>) {
     let mut search = build(config, seed, space);
     let one = |rollout| {
-        let trial = trial(rollout, search.ask(rollout).theta);
+        let trial = trial(rollout, search.ask(rollout, &[]).theta);
         search.tell(&trial);
         trial
     };
@@ -87,9 +87,9 @@ fn a_prediction_along_directions_is_that_of_the_policy() {
     let along = Space::along(DVector::zeros(12), l).unwrap();
     let space = Space { prediction: Some(Prediction::new(outer)), ..along };
     let mut search = build(&config(), 3, space);
-    let theta = search.ask(1).theta;
+    let theta = search.ask(1, &[]).theta;
     search.tell(&Trial { measured: outer(&theta), ..trial(1, theta) });
-    assert!(succeeds(&outer(&search.ask(2).theta)));
+    assert!(succeeds(&outer(&search.ask(2, &[]).theta)));
 }
 
 /// Ten times too large, and something else altogether: both are found out, and the search succeeds.
@@ -121,32 +121,35 @@ fn the_trials_alone_decide_what_is_proposed() {
         let (search, trials) = run(&config(), 7, space.clone(), 12);
         let mut again = build(&config(), 7, space.clone());
         for trial in &trials {
-            assert_eq!(again.ask(trial.rollout).theta, trial.theta);
-            assert_eq!(again.ask(trial.rollout).theta, trial.theta);
+            assert_eq!(again.ask(trial.rollout, &[]).theta, trial.theta);
+            assert_eq!(again.ask(trial.rollout, &[]).theta, trial.theta);
             again.tell(trial);
         }
-        assert_eq!(again.ask(13), search.ask(13));
-        assert_ne!(build(&config(), 8, space.clone()).ask(2), build(&config(), 7, space).ask(2));
+        assert_eq!(again.ask(13, &[]), search.ask(13, &[]));
+        assert_ne!(
+            build(&config(), 8, space.clone()).ask(2, &[]),
+            build(&config(), 7, space).ask(2, &[])
+        );
     }
 }
 
 #[test]
 fn rollouts_ahead_of_what_was_told_differ() {
     let (search, _) = run(&config(), 2, space(), 3);
-    let ahead: Vec<DVector<f64>> = (4..8).map(|rollout| search.ask(rollout).theta).collect();
+    let ahead: Vec<DVector<f64>> = (4..8).map(|rollout| search.ask(rollout, &[]).theta).collect();
     assert!(ahead.iter().enumerate().all(|(i, a)| ahead[..i].iter().all(|b| a != b)));
     let untold = build(&config(), 2, space());
-    assert_ne!(untold.ask(2), Proposal { rollout: 2, ..untold.ask(3) });
+    assert_ne!(untold.ask(2, &[]), Proposal { rollout: 2, ..untold.ask(3, &[]) });
 }
 
 #[test]
 fn what_was_not_measured_or_is_no_number_teaches_nothing() {
     let mut search = build(&config(), 4, space());
     for (rollout, value) in (1..).zip([None, Some(f64::NAN), Some(f64::INFINITY), None]) {
-        let theta = search.ask(rollout).theta;
+        let theta = search.ask(rollout, &[]).theta;
         let measured = if rollout == 4 { Vec::new() } else { vec![value, None] };
         search.tell(&Trial { rollout, theta, reward: 0.0, success: false, measured });
-        assert!(search.ask(rollout + 1).theta.iter().all(|x| x.is_finite()));
+        assert!(search.ask(rollout + 1, &[]).theta.iter().all(|x| x.is_finite()));
     }
     assert!(search.snapshot(5).std.iter().all(|std| *std > 0.0));
 }
@@ -227,7 +230,7 @@ fn a_part_in_which_nothing_succeeds_any_more_is_given_up() {
     }
     let mut n_low = 0;
     for rollout in 91..=110 {
-        let trial = trial(rollout, search.ask(rollout).theta);
+        let trial = trial(rollout, search.ask(rollout, &[]).theta);
         let success = trial.success && is_low(&trial);
         n_low += u64::from(success);
         search.tell(&Trial { success, ..trial });

@@ -104,7 +104,7 @@ fn run(seed: u64, n: u64, reward: impl Fn(&DVector<f64>) -> f64) -> Algorithm1 {
     let start = DVector::from_vec(vec![2.0, 1.0]);
     let mut search = Algorithm1::new(Algorithm1Config::default(), seed, Space::white(start));
     for rollout in 1..=n {
-        let Proposal { theta, .. } = search.ask(rollout);
+        let Proposal { theta, .. } = search.ask(rollout, &[]);
         search.tell(&Trial {
             rollout,
             reward: reward(&theta),
@@ -123,9 +123,9 @@ fn hill(theta: &DVector<f64>) -> f64 {
 #[test]
 fn same_seed_same_bits_and_asking_twice_changes_nothing() {
     let (a, b) = (run(6, 50, hill), run(6, 50, hill));
-    assert_eq!(a.ask(51), b.ask(51));
-    assert_eq!(a.ask(51), a.ask(51));
-    assert_ne!(a.ask(51), run(7, 50, hill).ask(51));
+    assert_eq!(a.ask(51, &[]), b.ask(51, &[]));
+    assert_eq!(a.ask(51, &[]), a.ask(51, &[]));
+    assert_ne!(a.ask(51, &[]), run(7, 50, hill).ask(51, &[]));
 }
 
 #[test]
@@ -141,7 +141,7 @@ fn waits_for_the_initial_trials_and_for_a_reward() {
 fn stays_sound_on_flat_and_tiny_rewards() {
     for reward in [1.0, 1e-300, 1e300] {
         let search = run(3, 60, |_| reward);
-        assert!(search.ask(61).theta.iter().all(|x| x.is_finite()));
+        assert!(search.ask(61, &[]).theta.iter().all(|x| x.is_finite()));
         assert!(search.mixture().components.len() <= 10);
     }
 }
@@ -152,7 +152,7 @@ fn keeps_within_the_box() {
     let space = Space { bounds: bounds.clone(), ..Space::white(DVector::from_vec(vec![2.0, 1.0])) };
     let mut search = Algorithm1::new(Algorithm1Config::default(), 1, space);
     for rollout in 1..=100 {
-        let Proposal { theta, .. } = search.ask(rollout);
+        let Proposal { theta, .. } = search.ask(rollout, &[]);
         assert!(bounds.as_ref().unwrap().contains(&theta), "{theta}");
         search.tell(&Trial {
             rollout,

@@ -113,10 +113,10 @@ impl Climb {
             FactorGaussian::fit(&self.elites, &weights, Some(&self.gaussian.mean), floor);
     }
 
-    /// The next trial, as a place in fractions of the box that may lie outside of it.
-    pub fn place(&self, seed: u64, rollout: u64) -> DVector<f64> {
+    /// The next trial beside the pending ones, as a place in fractions of the box that may lie outside of it.
+    pub fn place(&self, seed: u64, rollout: u64, pending: &[DVector<f64>]) -> DVector<f64> {
         if self.config.surrogate {
-            return self.steps.next(&self.best().theta, self.std, seed, rollout);
+            return self.steps.next(&self.best().theta, self.std, [seed, rollout], pending);
         }
         self.gaussian.sample(seed, rollout)
     }

@@ -25,13 +25,23 @@ impl Smooth {
     /// With the length, the mean and the variance that make these `values` of the `points`, at least
     /// one, most likely.
     pub fn fit(points: Vec<DVector<f64>>, values: &[f64]) -> Smooth {
-        let n = points.len();
-        let squared = DMatrix::from_fn(n, n, |i, j| points[i].metric_distance(&points[j]).powi(2));
+        let squared = squared_distances(&points);
         let values = DVector::from_column_slice(values);
         let fits = LENGTHS.iter().filter_map(|length| Smooth::of(*length, &squared, &values));
         let best = fits.max_by(|a, b| a.log_likelihood.total_cmp(&b.log_likelihood));
         // The nugget keeps the shortest length positive definite.
         Smooth { points, ..best.expect("a length fits") }
+    }
+
+    /// With further points whose values are those expected there; `values` are those of the points so far.
+    pub fn believing(self, values: &[f64], further: &[DVector<f64>]) -> Smooth {
+        let expected = further.iter().map(|place| self.hoped(place, 0.0));
+        let values: Vec<f64> = values.iter().copied().chain(expected).collect();
+        let points = [self.points.as_slice(), further].concat();
+        let believing =
+            Smooth::of(self.length, &squared_distances(&points), &DVector::from_vec(values));
+        // Too many points in one place may not be positive definite: then without them.
+        believing.map_or(self, |believing| Smooth { points, ..believing })
     }
 
     fn of(length: f64, squared: &DMatrix<f64>, values: &DVector<f64>) -> Option<Smooth> {
@@ -67,6 +77,11 @@ impl Smooth {
         self.factor.l_dirty().solve_lower_triangular_mut(&mut kernel);
         mean + deviations * (self.variance * (1.0 - kernel.norm_squared()).max(0.0)).sqrt()
     }
+}
+
+fn squared_distances(points: &[DVector<f64>]) -> DMatrix<f64> {
+    let n = points.len();
+    DMatrix::from_fn(n, n, |i, j| points[i].metric_distance(&points[j]).powi(2))
 }
 
 #[cfg(test)]

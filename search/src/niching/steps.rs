@@ -39,12 +39,22 @@ impl Steps {
         self.rewards.push(reward);
     }
 
-    /// The most promising place about `from`, after at least one trial.
-    pub fn next(&self, from: &DVector<f64>, std: f64, seed: u64, rollout: u64) -> DVector<f64> {
+    /// The most promising place about `from`, after at least one trial, if those that are pending come out as is
+    /// expected of them (kriging believer).
+    pub fn next(
+        &self,
+        from: &DVector<f64>,
+        std: f64,
+        [seed, rollout]: [u64; 2],
+        pending: &[DVector<f64>],
+    ) -> DVector<f64> {
         let best = self.rewards.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
         let value = |reward: &f64| (reward / best).max(LEAST_SHARE).ln();
         let values: Vec<f64> = self.rewards.iter().map(value).collect();
-        let surrogate = Smooth::fit(self.points.clone(), &values);
+        let mut surrogate = Smooth::fit(self.points.clone(), &values);
+        if !pending.is_empty() {
+            surrogate = surrogate.believing(&values, pending);
+        }
         let score = |place: &DVector<f64>| match place.metric_distance(from) <= REACH * std {
             true => surrogate.hoped(place, OPTIMISM),
             false => f64::NEG_INFINITY,
@@ -89,10 +99,10 @@ mod tests {
             let mut best = DVector::from_element(9, 0.5);
             steps.push(&best, hill(&best));
             for rollout in 1..=30 {
-                let place = steps.next(&best, 0.1, seed, rollout);
+                let place = steps.next(&best, 0.1, [seed, rollout], &[]);
                 assert!(place.metric_distance(&best) <= REACH * 0.1);
                 assert!(place.iter().all(|x| (0.0..=1.0).contains(x)));
-                assert_eq!(place, steps.next(&best, 0.1, seed, rollout));
+                assert_eq!(place, steps.next(&best, 0.1, [seed, rollout], &[]));
                 steps.push(&place, hill(&place));
                 if hill(&place) > hill(&best) {
                     best = place;
@@ -109,7 +119,7 @@ mod tests {
             let mut steps = Steps::default();
             for rollout in 1..=100 {
                 steps.push(&from, reward);
-                assert!(steps.next(&from, 0.1, 1, rollout).iter().all(|x| x.is_finite()));
+                assert!(steps.next(&from, 0.1, [1, rollout], &[]).iter().all(|x| x.is_finite()));
             }
             assert_eq!(steps.points.len(), N_TRIALS);
         }

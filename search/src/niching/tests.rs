@@ -10,7 +10,7 @@ fn square() -> Space {
 
 fn drive(search: &mut Niching, n: u64, f: impl Fn(&DVector<f64>) -> f64) -> Vec<Trial> {
     let trial = |rollout| {
-        let Proposal { theta, .. } = search.ask(rollout);
+        let Proposal { theta, .. } = search.ask(rollout, &[]);
         let trial =
             Trial { rollout, reward: f(&theta), theta, success: false, measured: Vec::new() };
         search.tell(&trial);
@@ -67,7 +67,7 @@ fn climbs_no_hill_twice() {
     let mut n_climbing = 0;
     for rollout in 3001..=5000 {
         n_climbing += u32::from(matches!(search.stage, Stage::Climb));
-        let Proposal { theta, .. } = search.ask(rollout);
+        let Proposal { theta, .. } = search.ask(rollout, &[]);
         let reward = hill(&theta);
         search.tell(&Trial { rollout, theta, reward, success: false, measured: Vec::new() });
     }
@@ -81,12 +81,12 @@ fn repeats_its_bits_and_resumes_by_retelling() {
     let (mut a, mut b) = (new(6), new(6));
     for trial in drive(&mut a, 2000, hills) {
         b.tell(&trial);
-        assert_eq!(b.ask(trial.rollout + 1), b.ask(trial.rollout + 1));
+        assert_eq!(b.ask(trial.rollout + 1, &[]), b.ask(trial.rollout + 1, &[]));
     }
-    assert_eq!(a.ask(2001), b.ask(2001));
+    assert_eq!(a.ask(2001, &[]), b.ask(2001, &[]));
     assert_eq!(a.modes(), b.modes());
     assert_eq!(a.snapshot(2001), b.snapshot(2001));
-    assert_ne!(a.ask(2001), new(7).ask(2001));
+    assert_ne!(a.ask(2001, &[]), new(7).ask(2001, &[]));
 }
 
 #[test]
@@ -153,7 +153,7 @@ fn default_climb() -> ClimbConfig {
 
 fn drive_four(search: &mut Niching, n: u64) -> Vec<Trial> {
     let trial = |rollout| {
-        let theta = search.ask(rollout).theta;
+        let theta = search.ask(rollout, &[]).theta;
         let (reward, success) = four(&theta);
         let trial = Trial { rollout, theta, reward, success, measured: Vec::new() };
         search.tell(&trial);
@@ -175,7 +175,7 @@ fn a_surrogate_finds_the_hills_about_the_start_with_few_trials() {
         assert_eq!(tops.len(), 4, "seed {seed}: {tops:?}");
         assert!(tops.iter().all(|top| four(top).1), "seed {seed}: {tops:?}");
         told.iter().for_each(|trial| again.tell(trial));
-        assert_eq!((again.ask(251), again.modes()), (search.ask(251), search.modes()));
+        assert_eq!((again.ask(251, &[]), again.modes()), (search.ask(251, &[]), search.modes()));
     }
 }
 

@@ -4,6 +4,7 @@ use nalgebra::DVector;
 
 use super::{Power, PowerConfig};
 use crate::normals::{standard_normal, stream};
+use crate::trial::Proposal;
 
 /// Streams of the further candidates of a rollout lie this far apart.
 const CANDIDATES: u64 = 1 << 48;
@@ -21,35 +22,44 @@ const GROWTH: f64 = 1.02;
 const NARROWEST: f64 = 0.2;
 
 impl Power {
-    /// Of the phase of successes every so-and-so-many rollouts.
-    pub(super) fn is_turn_of_mean(&self) -> bool {
-        let every = self.config.mean_every;
-        every > 0 && self.n_succeeding.is_some_and(|n| (n + 1).is_multiple_of(every))
+    /// Every so many rollouts of the phase of successes, those that are pending included; but not while the same
+    /// mean is pending, whose trial would tell the same.
+    pub(super) fn is_turn_of_mean(&self, pending: &[Proposal]) -> bool {
+        let PowerConfig { mean_every: every, .. } = self.config;
+        let n = self.n_succeeding.map(|n| n + pending.len() as u64);
+        let is_pending =
+            |p: &Proposal| self.noted.get(&p.rollout) == Some(&Some(self.mean.clone()));
+        every > 0
+            && n.is_some_and(|n| (n + 1).is_multiple_of(every))
+            && !pending.iter().any(is_pending)
     }
 
     /// The draw of `rollout` whose known reward is highest; after a failure a plain draw, since more of
     /// what is known to pay may be what failed.
-    pub(super) fn best_draw(&self, rollout: u64) -> DVector<f64> {
-        let first = self.draw(rollout);
+    pub(super) fn best_draw(&self, rollout: u64, pending: &[Proposal]) -> DVector<f64> {
+        let first = self.draw(rollout, pending);
         let Some(known) = &self.space.known else { return first };
         if self.n_succeeding.is_none() || !self.last_succeeded {
             return first;
         }
-        let further =
-            (1..self.config.candidates as u64).map(|n| self.draw(rollout + n * CANDIDATES));
+        let further = (1..self.config.candidates as u64)
+            .map(|n| self.draw(rollout + n * CANDIDATES, pending));
         let worth = |theta: DVector<f64>| (known.of(&theta), theta);
         let best = further.map(worth).fold(worth(first), |a, b| if b.0 > a.0 { b } else { a });
         best.1
     }
 
     /// What a trial of the phase of successes says of mean and noise, whatever it was rewarded with.
-    pub(super) fn take_note(&mut self, success: bool) {
+    ///
+    /// A draw that was made before the noise narrowed counts like any other: leaving such failures out, or
+    /// counting them less, cost rollouts with 8 arms and doubled them with 64 (docs/adr/0034).
+    pub(super) fn adapt(&mut self, is_mean: bool, success: bool) {
         self.last_succeeded = success;
         if self.n_succeeding.is_none() {
             return;
         }
         let PowerConfig { n_elites, success_rate, fewer_elites, .. } = self.config;
-        if !self.is_turn_of_mean() {
+        if !is_mean {
             // Rechenberg's rule: a success lets the noise grow a little again, a failure narrows it so much
             // more that both cancel at the rate that is asked for.
             let exponent = if success { 1.0 } else { -success_rate / (1.0 - success_rate) };
@@ -66,7 +76,7 @@ impl Power {
     /// Its covariance is Σₘ fₘfₘᵀ + σ₀²I = Σ⁽ⁿ⁾ exactly; a Cholesky factor of the D×D matrix would
     /// give the same distribution for more work and another rounding on every linear algebra
     /// library.
-    pub(super) fn draw(&self, number: u64) -> DVector<f64> {
+    pub(super) fn draw(&self, number: u64, pending: &[Proposal]) -> DVector<f64> {
         let mut theta = self.mean.clone();
         let mut rng = stream(self.seed, number);
         for factor in self.factors.iter().flatten() {
@@ -74,7 +84,7 @@ impl Power {
         }
         for i in 0..theta.len() {
             let z = standard_normal(&mut rng);
-            let z = if self.goes_forwards_only(i) { z.abs() } else { z };
+            let z = if self.goes_forwards_only(i, pending) { z.abs() } else { z };
             theta[i] += self.spread * self.floor_along(i) * z;
         }
         theta
@@ -95,12 +105,15 @@ impl Power {
 
     /// In the initial batch a direction that grows is tried forwards only, unless the start succeeds or
     /// what was tried so far says clearly that forwards pays less.
-    fn goes_forwards_only(&self, i: usize) -> bool {
+    fn goes_forwards_only(&self, i: usize, pending: &[Proposal]) -> bool {
         if self.factors.is_some() || !self.space.direction(i).grows {
             return false;
         }
         let pairs: Vec<(f64, f64)> = self.initial.iter().map(|t| (t.theta[i], t.reward)).collect();
-        self.initial.first().is_some_and(|start| !start.success)
+        // A start that is still pending has not succeeded.
+        let is_pending = pending.first().is_some_and(|first| first.rollout == 1);
+        let start = self.initial.iter().min_by_key(|trial| trial.rollout);
+        (is_pending || start.is_some_and(|start| !start.success))
             && (pairs.len() < ENOUGH || correlation(&pairs) > PAYS_LESS)
     }
 }

@@ -29,7 +29,7 @@ impl Power {
     pub(super) fn keep_noisy(&mut self, trial: &Trial) {
         let memory = self.config.memory;
         self.told.push(trial.clone());
-        self.told.retain(|other| memory == 0 || other.rollout + memory > trial.rollout);
+        self.told.retain(|other| memory == 0 || other.rollout + memory > self.newest);
         if self.told.len() > MOST {
             self.told.remove(0);
         }

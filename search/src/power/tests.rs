@@ -80,7 +80,7 @@ fn hill(theta: &DVector<f64>) -> f64 {
 fn run(config: PowerConfig, seed: u64, n: u64, reward: impl Fn(&DVector<f64>) -> f64) -> Power {
     let mut search = Power::new(config, seed, Space::white(DVector::zeros(12)));
     for rollout in 1..=n {
-        let Proposal { theta, .. } = search.ask(rollout);
+        let Proposal { theta, .. } = search.ask(rollout, &[]);
         let reward = reward(&theta);
         search.tell(&Trial { rollout, theta, reward, success: false, measured: Vec::new() });
     }
@@ -93,7 +93,7 @@ fn sampler_has_the_covariance_of_eq_6() {
     let config = plain();
     let mut search = run(config, 5, 29, hill);
     let old_mean = search.mean().clone();
-    let Proposal { theta, .. } = search.ask(30);
+    let Proposal { theta, .. } = search.ask(30, &[]);
     let reward = hill(&theta);
     search.tell(&Trial { rollout: 30, theta, reward, success: false, measured: Vec::new() });
 
@@ -113,7 +113,7 @@ fn sampler_has_the_covariance_of_eq_6() {
     // And the proposal is that product with the numbers of stream 31, in this order.
     let mut rng = stream(5, 31);
     let z = DVector::from_fn(factors.len() + 12, |_, _| standard_normal(&mut rng));
-    assert!((search.mean() + f * z - search.ask(31).theta).amax() < 1e-14);
+    assert!((search.mean() + f * z - search.ask(31, &[]).theta).amax() < 1e-14);
 }
 
 #[test]
@@ -132,9 +132,9 @@ fn scaling_all_rewards_changes_nothing() {
     let reference = run(plain(), 2, 40, hill);
     // A power of two scales without rounding, so every bit must agree.
     let scaled = run(plain(), 2, 40, |theta| 1024.0 * hill(theta));
-    assert_eq!(reference.ask(41), scaled.ask(41));
+    assert_eq!(reference.ask(41, &[]), scaled.ask(41, &[]));
     let scaled = run(plain(), 2, 40, |theta| 0.3 * hill(theta));
-    assert!((reference.ask(41).theta - scaled.ask(41).theta).amax() < 1e-9);
+    assert!((reference.ask(41, &[]).theta - scaled.ask(41, &[]).theta).amax() < 1e-9);
 }
 
 #[test]
@@ -186,7 +186,7 @@ fn without_any_reward_mean_and_covariance_stay() {
 fn tiny_and_huge_rewards_stay_finite() {
     for scale in [1e-300, 1e300] {
         let search = run(plain(), 4, 30, |theta| scale * hill(theta));
-        assert!(search.ask(31).theta.iter().all(|x| x.is_finite()));
+        assert!(search.ask(31, &[]).theta.iter().all(|x| x.is_finite()));
     }
 }
 
@@ -202,10 +202,10 @@ fn floor_decays_to_its_minimum() {
 #[test]
 fn same_seed_same_bits_and_asking_twice_changes_nothing() {
     let (a, b) = (run(plain(), 6, 50, hill), run(plain(), 6, 50, hill));
-    assert_eq!(a.ask(51), b.ask(51));
-    assert_eq!(a.ask(51), a.ask(51));
+    assert_eq!(a.ask(51, &[]), b.ask(51, &[]));
+    assert_eq!(a.ask(51, &[]), a.ask(51, &[]));
     let other = run(plain(), 7, 50, hill);
-    assert_ne!(a.ask(51), other.ask(51));
+    assert_ne!(a.ask(51, &[]), other.ask(51, &[]));
 }
 
 #[test]

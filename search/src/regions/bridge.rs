@@ -65,14 +65,16 @@ impl Regions {
         // Ways that would have to be better than hoped are tried by turns with climbs.
         let connected = self.config.connected.ln();
         let is_their_turn = self.rewards.len().is_multiple_of(2);
-        let least = if is_their_turn { connected.min(HOPELESS_SHARE.ln()) } else { connected };
-        // In reverse, as the first of equals counts.
-        let ways = self
-            .high_pairs(map)
-            .into_iter()
-            .rev()
-            .filter_map(|pair| Some((map.highest_way(hoped, least, pair.ends)?, pair.regions)));
-        let (way, regions) = ways.max_by(|a, b| a.0.height.total_cmp(&b.0.height))?;
+        let mut least = if is_their_turn { connected.min(HOPELESS_SHARE.ln()) } else { connected };
+        let mut highest = None;
+        for Pair { regions, ends } in self.high_pairs(map) {
+            if let Some(way) = map.highest_way(hoped, least, ends) {
+                // Another way must be higher.
+                least = way.height.next_up();
+                highest = Some((way, regions));
+            }
+        }
+        let (way, regions) = highest?;
         let inner = way.places[1..way.places.len() - 1].iter().copied();
         let place = inner.min_by(|&p, &q| safe[p].total_cmp(&safe[q]))?;
         Some(Step::Bridge { regions, point: map.place(place).clone() })

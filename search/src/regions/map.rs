@@ -57,12 +57,25 @@ impl Map {
 
     /// What is believed of any points.
     pub fn beliefs_at(&self, points: &[DVector<f64>]) -> Vec<Belief> {
-        let believed = points.chunks(LANES).flat_map(|points| {
-            let mut lanes = Lanes::new(points);
-            self.surrogate.whiten(&mut lanes);
-            self.conditioned.at(&lanes).into_iter().take(points.len())
-        });
-        believed.collect()
+        beliefs(&self.surrogate, &self.conditioned, points)
+    }
+
+    /// The same if each of the `pending` points had the value that is expected there; `values` are those of all
+    /// trials.
+    pub fn beliefs_beside(
+        &self,
+        pending: &[DVector<f64>],
+        values: &[f64],
+        points: &[DVector<f64>],
+    ) -> Vec<Belief> {
+        if pending.is_empty() {
+            return self.beliefs_at(points);
+        }
+        let expected = self.beliefs_at(pending).into_iter().map(|belief| belief.mean);
+        let values: Vec<f64> = values.iter().copied().chain(expected).collect();
+        let mut surrogate = self.surrogate.clone();
+        pending.chunks(LANES).for_each(|points| surrogate.push(points));
+        beliefs(&surrogate, &surrogate.condition(&values), points)
     }
 
     /// What is believed of each place.
@@ -124,6 +137,19 @@ impl Map {
         places.reverse();
         (places[0] == from).then(|| Way { height: height[to], places })
     }
+}
+
+fn beliefs(
+    surrogate: &Surrogate,
+    conditioned: &Conditioned,
+    points: &[DVector<f64>],
+) -> Vec<Belief> {
+    let believed = points.chunks(LANES).flat_map(|points| {
+        let mut lanes = Lanes::new(points);
+        surrogate.whiten(&mut lanes);
+        conditioned.at(&lanes).into_iter().take(points.len())
+    });
+    believed.collect()
 }
 
 /// A place on the frontier; the highest comes first.

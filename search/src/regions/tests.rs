@@ -16,8 +16,8 @@ fn run(
     let mut search = Regions::new(config, seed, space());
     let mut trials = Vec::new();
     for rollout in 1..=150 {
-        let theta = search.ask(rollout).theta;
-        assert_eq!(search.ask(rollout).theta, theta);
+        let theta = search.ask(rollout, &[]).theta;
+        assert_eq!(search.ask(rollout, &[]).theta, theta);
         assert!(search.bounds.contains(&theta), "{theta}");
         let u = search.bounds.fractions(&theta);
         trials.push(Trial {
@@ -89,7 +89,7 @@ fn telling_the_same_trials_again_resumes() {
     let (search, trials) = run(RegionsConfig::default(), 4, ring);
     let mut other = Regions::new(RegionsConfig::default(), 4, space());
     trials.iter().for_each(|trial| other.tell(trial));
-    assert_eq!(other.ask(151), search.ask(151));
+    assert_eq!(other.ask(151, &[]), search.ask(151, &[]));
     assert_eq!(other.modes(), search.modes());
     let seeds = [4, 5].map(|seed| run(RegionsConfig::default(), seed, ring).1);
     assert_ne!(seeds[0], seeds[1]);
@@ -116,7 +116,7 @@ fn told_trials_may_be_anything() {
             let reward = [1e-300, 1e300, 1.0, 0.0][rollout as usize % 4];
             let theta = DVector::from_column_slice(&theta);
             search.tell(&Trial { rollout, theta, reward, success: false, measured: Vec::new() });
-            let asked = search.ask(rollout + 1).theta;
+            let asked = search.ask(rollout + 1, &[]).theta;
             assert!(search.bounds.contains(&asked), "{asked}");
         }
         assert!(search.modes().iter().all(|mode| mode.mean.iter().all(|x| x.is_finite())));
@@ -128,5 +128,5 @@ fn without_a_box_there_is_one_around_the_start() {
     let start = DVector::from_vec(vec![100.0, -100.0]);
     let config = RegionsConfig { half_width: 2.0, ..RegionsConfig::default() };
     let search = Regions::new(config, 1, Space::white(start.clone()));
-    assert!((search.ask(1).theta - start).amax() <= 2.0);
+    assert!((search.ask(1, &[]).theta - start).amax() <= 2.0);
 }

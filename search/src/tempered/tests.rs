@@ -23,7 +23,7 @@ fn run_on(
     let mut search = Tempered::new(config, seed, space);
     let mut told = Vec::new();
     for rollout in 1..=n {
-        let Proposal { theta, .. } = search.ask(rollout);
+        let Proposal { theta, .. } = search.ask(rollout, &[]);
         let reward = reward(rollout, &theta);
         told.push(Trial { rollout, theta, reward, success: false, measured: Vec::new() });
         search.tell(&told[told.len() - 1]);
@@ -38,7 +38,7 @@ fn run(seed: u64, n: u64, reward: impl Fn(&DVector<f64>) -> f64) -> (Tempered, V
 fn assert_sound(search: &Tempered) {
     let sum: f64 = search.modes().iter().map(|mode| mode.prior).sum();
     assert!((sum - 1.0).abs() < 1e-12, "the priors sum to {sum}");
-    let theta = search.ask(1_000_000).theta;
+    let theta = search.ask(1_000_000, &[]).theta;
     assert!(theta.iter().all(|x| x.is_finite()), "{theta}");
 }
 
@@ -59,10 +59,10 @@ fn telling_stored_trials_again_resumes_the_session() {
     let (search, told) = run(6, 80, two_hills);
     let mut resumed = Tempered::new(TemperedConfig::default(), 6, space());
     told.iter().for_each(|trial| resumed.tell(trial));
-    assert_eq!(resumed.ask(81), search.ask(81));
-    assert_eq!(search.ask(81), search.ask(81));
+    assert_eq!(resumed.ask(81, &[]), search.ask(81, &[]));
+    assert_eq!(search.ask(81, &[]), search.ask(81, &[]));
     assert_eq!(resumed.modes(), search.modes());
-    assert_ne!(run(7, 80, two_hills).0.ask(81), search.ask(81));
+    assert_ne!(run(7, 80, two_hills).0.ask(81, &[]), search.ask(81, &[]));
 }
 
 #[test]
@@ -161,7 +161,7 @@ fn density_of_all_draws_counts_each_of_them() {
     let mut samplers = Vec::new();
     for rollout in 1..=20 {
         samplers.push(search.sampler.clone());
-        let Proposal { theta, .. } = search.ask(rollout);
+        let Proposal { theta, .. } = search.ask(rollout, &[]);
         let reward = two_hills(&theta);
         search.tell(&Trial { rollout, theta, reward, success: false, measured: Vec::new() });
     }

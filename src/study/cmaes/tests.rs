@@ -14,7 +14,7 @@ fn hill(theta: &DVector<f64>) -> f64 {
 
 fn drive(search: &mut Cma, n: u64, f: impl Fn(&DVector<f64>) -> f64) -> Vec<Trial> {
     let trial = |rollout| {
-        let Proposal { theta, .. } = search.ask(rollout);
+        let Proposal { theta, .. } = search.ask(rollout, &[]);
         let trial =
             Trial { rollout, reward: f(&theta), theta, success: false, measured: Vec::new() };
         search.tell(&trial);
@@ -69,11 +69,11 @@ fn repeats_its_bits_and_resumes_by_retelling() {
         let (mut a, mut b) = (Cma::new(config, 6, origin(4)), Cma::new(config, 6, origin(4)));
         drive(&mut a, 101, hill).iter().for_each(|trial| b.tell(trial));
         assert_eq!(a.snapshot(102), b.snapshot(102));
-        assert_eq!(a.ask(102), b.ask(102));
-        assert_eq!(a.ask(102), a.ask(102));
+        assert_eq!(a.ask(102, &[]), b.ask(102, &[]));
+        assert_eq!(a.ask(102, &[]), a.ask(102, &[]));
         let mut other = Cma::new(config, 7, origin(4));
         drive(&mut other, 101, hill);
-        assert_ne!(a.ask(102), other.ask(102));
+        assert_ne!(a.ask(102, &[]), other.ask(102, &[]));
     }
 }
 

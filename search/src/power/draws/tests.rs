@@ -20,7 +20,7 @@ fn staged(config: PowerConfig) -> Power {
 
 fn executes(search: &mut Power, rollouts: std::ops::RangeInclusive<u64>, success: bool) {
     for rollout in rollouts {
-        let theta = search.ask(rollout).theta;
+        let theta = search.ask(rollout, &[]).theta;
         // More of the first parameter pays.
         let reward = 1.0 + theta[0].tanh();
         search.tell(&Trial { rollout, theta, reward, success, measured: Vec::new() });
@@ -33,16 +33,16 @@ fn what_grows_is_tried_forwards_first() {
     let mut search = staged(config);
     executes(&mut search, 1..=1, false);
     let first = |search: &Power, sign: f64| {
-        (2..30).all(|rollout| sign * search.ask(rollout).theta[0] >= 0.0)
+        (2..30).all(|rollout| sign * search.ask(rollout, &[]).theta[0] >= 0.0)
     };
-    let second = (2..30).filter(|&rollout| search.ask(rollout).theta[1] < 0.0).count();
+    let second = (2..30).filter(|&rollout| search.ask(rollout, &[]).theta[1] < 0.0).count();
     assert!(first(&search, 1.0) && second > 5, "only what grows");
     executes(&mut search, 2..=8, false);
     assert!(first(&search, 1.0), "what was tried says so too");
 
     let mut less = staged(config);
     for rollout in 1..=4 {
-        let theta = less.ask(rollout).theta;
+        let theta = less.ask(rollout, &[]).theta;
         less.tell(&Trial {
             rollout,
             reward: 2.0 - theta[0].tanh(),
@@ -70,12 +70,12 @@ fn late_directions_open_with_the_phase_of_successes() {
     };
     let mut search = staged(config);
     executes(&mut search, 1..=9, false);
-    assert!((10..40).all(|rollout| search.ask(rollout).theta[2] == 0.0), "closed");
+    assert!((10..40).all(|rollout| search.ask(rollout, &[]).theta[2] == 0.0), "closed");
     executes(&mut search, 10..=11, true);
     // The update after the second success opens it, and that success let its floor fall already.
     assert!((search.floor_along(2) - 0.2).abs() < 1e-12, "{}", search.floor_along(2));
     assert!((search.floor_along(1) - 0.45).abs() < 1e-12, "the others have their own floor");
-    assert!(search.ask(12).theta[2] != 0.0);
+    assert!(search.ask(12, &[]).theta[2] != 0.0);
     executes(&mut search, 12..=14, true);
     assert_eq!(search.floor_along(2), 0.15);
 }
@@ -85,7 +85,7 @@ fn in_the_phase_of_successes_the_mean_is_executed_now_and_then() {
     let config =
         PowerConfig { n_initial: 3, min_successes: 2, mean_every: 4, ..PowerConfig::default() };
     let mut search = staged(config);
-    let is_mean = |search: &Power, rollout| search.ask(rollout).theta == *search.mean();
+    let is_mean = |search: &Power, rollout| search.ask(rollout, &[]).theta == *search.mean();
     let mut means = Vec::new();
     for rollout in 1..=20 {
         if rollout > 1 && is_mean(&search, rollout) {
@@ -116,17 +116,18 @@ fn after_a_success_the_candidate_with_the_highest_known_reward_is_executed() {
     };
     let (one, five) = (with(1), with(5));
     let mean_of = |search: &Power| {
-        (13..213).map(|rollout| known.of(&search.ask(rollout).theta)).sum::<f64>() / 200.0
+        (13..213).map(|rollout| known.of(&search.ask(rollout, &[]).theta)).sum::<f64>() / 200.0
     };
     // The larger of five of a normal distribution lies 1.16 of its deviations above the mean.
-    let spread = (13..213).map(|rollout| known.of(&one.ask(rollout).theta).powi(2)).sum::<f64>();
+    let spread =
+        (13..213).map(|rollout| known.of(&one.ask(rollout, &[]).theta).powi(2)).sum::<f64>();
     let deviation = (spread / 200.0 - mean_of(&one).powi(2)).sqrt();
     let gain = (mean_of(&five) - mean_of(&one)) / deviation;
     assert!(gain > 0.8, "{gain}");
     let mut failed = with(5);
     executes(&mut failed, 13..=13, false);
-    let plain = failed.draw(14);
-    assert_eq!(failed.ask(14).theta, plain, "after a failure a plain draw");
+    let plain = failed.draw(14, &[]);
+    assert_eq!(failed.ask(14, &[]).theta, plain, "after a failure a plain draw");
 }
 
 #[test]
@@ -177,7 +178,7 @@ fn a_mean_that_fails_is_taken_from_fewer_successes() {
         executes(&mut search, 1..=8, true);
         let mut rollout = 9;
         for &succeeds in means {
-            while !search.is_turn_of_mean() {
+            while !search.is_turn_of_mean(&[]) {
                 executes(&mut search, rollout..=rollout, true);
                 rollout += 1;
             }

@@ -98,7 +98,7 @@ fn rewards_stay_rewards_however_large_they_are_and_however_little_they_say() {
             trials[0].reward = 0.0;
             let search = told(PowerConfig { weights, ..noisy() }, &trials);
             assert!(search.kept.iter().all(|trial| trial.reward >= 0.0), "{scale}");
-            assert!(search.ask(20).theta.iter().all(|x| x.is_finite()), "{scale}");
+            assert!(search.ask(20, &[]).theta.iter().all(|x| x.is_finite()), "{scale}");
             assert_eq!(*search.mean() == DVector::zeros(2), scale == 0.0, "nothing was rewarded");
         }
     }
@@ -106,7 +106,7 @@ fn rewards_stay_rewards_however_large_they_are_and_however_little_they_say() {
     let still = PowerConfig { initial_std: 0.0, noise: 1e-200, ..noisy() };
     let mut trials = around_a_good_place();
     trials.extend([trial(20, [1.0, 1.0], 3.0, true), trial(21, [1.0, 1.0], 4.0, true)]);
-    assert!(told(still, &trials).ask(22).theta.iter().all(|x| x.is_finite()));
+    assert!(told(still, &trials).ask(22, &[]).theta.iter().all(|x| x.is_finite()));
 }
 
 #[test]
@@ -127,7 +127,7 @@ fn late(noise: f64, seed: u64, every: u32) -> f64 {
     let mut search = Power::new(config, seed, Space::white(DVector::zeros(4)));
     let mut late = 0;
     for rollout in 1..=100 {
-        let theta = search.ask(rollout).theta;
+        let theta = search.ask(rollout, &[]).theta;
         let distance = theta.add_scalar(-1.0).norm();
         let mut rng = stream(seed, (1 << 40) + rollout);
         let rating = match rng.random_range(0..every) {
