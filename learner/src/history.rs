@@ -12,6 +12,11 @@ pub struct History {
 }
 
 impl History {
+    /// The proposals of `rollout` and on see some trial otherwise than those before did.
+    pub fn changes_at(&self, rollout: u64) -> bool {
+        self.wishes.changes_at(rollout) || self.ratings.changes_at(rollout)
+    }
+
     /// The proposals of `rollout` and on see all trials but `newest` as those before did.
     pub fn changes_only_at(&self, rollout: u64, newest: u64) -> bool {
         !self.wishes.changes_at(rollout) && self.ratings.only_rates_at(rollout, newest)

@@ -298,9 +298,8 @@ impl Learner {
             self.in_flight.values().map(|flight| flight.asked.clone()).collect();
         let (history, trials) = (&self.history, &self.trials);
         let session = replay::Session { history, trials, in_flight: &in_flight };
-        (self.search, self.telling) =
-            replay(&self.config, &self.problem, &session, &mut |_| {})
-                .expect("these trials were reproduced before");
+        (self.search, self.telling) = replay(&self.config, &self.problem, &session, &mut |_| {})
+            .expect("these trials were reproduced before");
     }
 
     /// What the search has found so far, each with its policy; stored.

@@ -11,6 +11,8 @@
 
 pub mod action;
 pub mod activation;
+#[cfg(feature = "session")]
+pub mod cells;
 pub mod compliance;
 pub mod config;
 pub mod damping;

@@ -70,8 +70,8 @@ impl Session<'_> {
     fn asked(&self) -> BTreeMap<u64, BTreeMap<u64, &DVector<f64>>> {
         let told = self.trials.iter().map(|trial| (trial.asked_after, trial.rollout, &trial.theta));
         let in_flight = self.in_flight.iter();
-        let in_flight =
-            in_flight.map(|Asked { proposal, after, .. }| (*after, proposal.rollout, &proposal.theta));
+        let in_flight = in_flight
+            .map(|Asked { proposal, after, .. }| (*after, proposal.rollout, &proposal.theta));
         let mut asked: BTreeMap<u64, BTreeMap<u64, &DVector<f64>>> = BTreeMap::new();
         for (after, rollout, theta) in told.chain(in_flight) {
             asked.entry(after).or_default().insert(rollout, theta);
@@ -90,6 +90,8 @@ pub fn replay(
     let Session { history, trials, .. } = *session;
     let (mut search, mut telling) = told_anew(config, problem, history.telling(1), &[])?;
     let mut asked = session.asked();
+    // Every trial so far was told before the next one was asked.
+    let mut is_serial = true;
     for place in 1..=trials.len() as u64 + 1 {
         let known = &trials[..place as usize - 1];
         for (rollout, theta) in asked.remove(&(place - 1)).into_iter().flatten() {
@@ -103,7 +105,9 @@ pub fn replay(
             return Err(LearnerError::NotReproduced { rollout: trial.rollout });
         }
         let (next, known) = (place + 1, &trials[..place as usize]);
-        if problem.grows_at(next) || !history.changes_only_at(next, trial.rollout) {
+        is_serial &= trial.asked_after + 1 == place;
+        let is_newest = is_serial && history.changes_only_at(next, trial.rollout);
+        if problem.grows_at(next) || (history.changes_at(next) && !is_newest) {
             (search, telling) = told_anew(config, problem, history.telling(next), known)?;
         } else {
             if history.ratings.changes_at(next) {
@@ -208,7 +212,9 @@ mod tests {
             trials.push(TrialRecord::of(trial, Measures::NONE));
         }
         let (mut heard, none) = (Vec::new(), History::default());
-        assert!(replay(&config, &problem, &told(&none, &trials), &mut |told| heard.push(told)).is_ok());
+        assert!(
+            replay(&config, &problem, &told(&none, &trials), &mut |told| heard.push(told)).is_ok()
+        );
         assert_eq!(heard.len(), 40);
         assert_eq!(heard[39], Told { trials: 40, of: 40 });
         let astray = |change: &dyn Fn(&mut TrialRecord)| {

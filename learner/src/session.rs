@@ -61,7 +61,8 @@ pub fn run(
     stop: &AtomicBool,
     on_event: &mut dyn FnMut(Event<'_>),
 ) -> Result<End, SessionError> {
-    let links = cells.into_iter().map(|(name, cell)| Link::new(name, cell, learner.trials())).collect();
+    let links =
+        cells.into_iter().map(|(name, cell)| Link::new(name, cell, learner.trials())).collect();
     let mut session = Session {
         links,
         learner,
@@ -73,6 +74,7 @@ pub fn run(
         asks: false,
         awaited: None,
         news: News::default(),
+        odd: Vec::new(),
     };
     let end = session.learn()?;
     session.links.iter_mut().for_each(|link| link.beat(WAITS_NOT, true));
@@ -94,6 +96,8 @@ struct Session<'a> {
     /// The rollout whose rating learning waits for.
     awaited: Option<u64>,
     news: News,
+    /// Cells that were said to differ from the others.
+    odd: Vec<String>,
 }
 
 impl Session<'_> {

@@ -59,8 +59,13 @@ fn a_proposal_that_succeeds_is_good_only_if_it_passes_the_dry_run() {
             let header = propose(&ports, rollout, policy);
             assert_eq!(header.fault, 0, "rollout {rollout}");
             let other = rollout - 1;
-            let ack =
-                Ack { schema: SCHEMA, session: 7, durable_rollout: other, rollout: other, success: 1 };
+            let ack = Ack {
+                schema: SCHEMA,
+                session: 7,
+                durable_rollout: other,
+                rollout: other,
+                success: 1,
+            };
             ports.acks.send_copy(ack).unwrap();
             ports.acks.send_copy(Ack { rollout, success, ..ack }).unwrap();
             if good == rollout {

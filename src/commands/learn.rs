@@ -259,8 +259,7 @@ impl Services {
             &of_cells,
         ]
         .concat();
-        let learner =
-            Service::start("learner", &arguments, folder.log("learner"), Stdio::piped())?;
+        let learner = Service::start("learner", &arguments, folder.log("learner"), Stdio::piped())?;
         let plant = |(k, cell)| start_plant(folder, config, cell, k).transpose();
         let plants = cells.iter().enumerate().filter_map(plant).collect::<Result<_>>()?;
         Ok(Services { controllers, learner, plants })
@@ -339,6 +338,7 @@ fn watch(
             }
             return Ok((trials, start.elapsed(), false));
         }
+        bury(controllers, progress)?;
         for service in plants.iter_mut().chain(&mut *controllers) {
             if let Some(status) = service.exited()? {
                 bail!(
@@ -349,6 +349,22 @@ fn watch(
             }
         }
     }
+}
+
+/// Goes on without a controller that has ended, as long as there are others.
+fn bury(controllers: &mut Vec<Service>, progress: &Progress) -> Result<()> {
+    let mut k = 0;
+    while k < controllers.len() && controllers.len() > 1 {
+        match controllers[k].exited()? {
+            Some(status) => {
+                let obituary = controllers.remove(k).obituary(status);
+                let left = controllers.len();
+                progress.note(&format!("{obituary}\ngoing on with {left} of the cells"));
+            }
+            None => k += 1,
+        }
+    }
+    Ok(())
 }
 
 /// Looks now and then, while no trial comes, whether the arm is held or somebody is asked, and says so once.

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
 use learner::Learner;
+use learner::cells::Odd;
 use learner::modes::choose;
 use learner::session::{self, End, Event};
 use learner::store::{SessionMeta, Store};
@@ -284,6 +285,18 @@ impl Log {
                 tracing::warn!(
                     "{}rollout {rollout} did not come back; another cell is asked for it",
                     self.of(cell)
+                );
+            }
+            Event::Odd(Odd { cell, trials, worse }) => {
+                let (word, share) = if *worse > 0.5 {
+                    ("lower", 100.0 * worse)
+                } else {
+                    ("higher", 100.0 - 100.0 * worse)
+                };
+                tracing::warn!(
+                    "cell {cell} differs from the others: over {trials} rollouts its rewards are {word} than \
+                     theirs about the same time in {share:.0} % of all comparisons; look at its arm and \
+                     its plant, and leave it out if it is another one"
                 );
             }
             Event::Retired { cell, reason } => {

@@ -22,8 +22,10 @@ pub fn run(args: &TrialsArgs) -> Result<Verdict> {
     // One of another program's tasks has none that is known here.
     let units = task.map_or(&[][..], |task| task.action_units);
     let are_rated = store.meta().learner.people.takes_ratings();
-    let row = |trial: &TrialRecord| row(trial, are_rated, measures, units);
-    let rows: Vec<Row> = store.trials()?.iter().map(row).collect();
+    let trials = store.trials()?;
+    let has_cells = trials.iter().any(|trial| !trial.cell.is_empty());
+    let columns = Columns { are_rated, has_cells, measures, units };
+    let rows: Vec<Row> = trials.iter().map(|trial| row(trial, &columns)).collect();
     if args.json {
         print_json(&rows.into_iter().map(Map::from_iter).collect::<Vec<_>>())?;
     } else if args.csv == Path::new("-") {
@@ -36,8 +38,18 @@ pub fn run(args: &TrialsArgs) -> Result<Verdict> {
 
 type Row = Vec<(String, Value)>;
 
+/// What the trials of a session have beside what all trials have.
+struct Columns<'a> {
+    are_rated: bool,
+    /// A cell of some name executed them.
+    has_cells: bool,
+    measures: &'a Declared,
+    units: &'a [&'a str],
+}
+
 /// A measure that was not taken is null, in CSV nothing.
-fn row(trial: &TrialRecord, are_rated: bool, measures: &Declared, units: &[&str]) -> Row {
+fn row(trial: &TrialRecord, columns: &Columns<'_>) -> Row {
+    let Columns { are_rated, has_cells, measures, units } = *columns;
     let hex = |id: u64| json!(format!("{id:016x}"));
     let mut row: Row = [
         ("rollout", json!(trial.rollout)),
@@ -53,6 +65,11 @@ fn row(trial: &TrialRecord, are_rated: bool, measures: &Declared, units: &[&str]
     ]
     .map(|(name, value)| (name.to_string(), value))
     .into();
+    if has_cells {
+        // Which cell executed it, and how many trials were known when it was proposed.
+        row.push(("cell".into(), json!(trial.cell)));
+        row.push(("asked_after".into(), json!(trial.asked_after)));
+    }
     if are_rated {
         // What people say of it, and what it would be worth without them.
         row.push(("rating".into(), json!(trial.rating)));

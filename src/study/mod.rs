@@ -1,6 +1,7 @@
 //! `skillet study`: many seeds in this process, tables with intervals, the paper's figures.
 
 mod aim;
+mod arms;
 mod circumstances;
 mod cmaes;
 mod comparison;
@@ -210,6 +211,12 @@ pub const STUDIES: &[Study] = &[
         "every encoding of a skill on tasks with an arm and on the obstacle",
         1,
         encodings::run_seed,
+    ),
+    table_of(
+        "arms",
+        "1 to 64 arms that feed one learner: rollouts, and time, until the flip is learnt",
+        1,
+        arms::run_seed,
     ),
     table_of(
         "peers",

@@ -6,6 +6,7 @@ use shm_types::episode::{EpisodeHeader, TickRecord};
 use shm_types::telemetry::WAITS_JUDGE;
 
 use super::{ATTEMPTS, Event, LONG, NOT_JUDGED, REFUSED, SET_ASIDE, Session, SessionError};
+use crate::cells::odd_ones;
 use crate::error::{CompleteError, LearnerError};
 use crate::judge::JudgeError;
 use crate::learner::Learner;
@@ -71,7 +72,9 @@ impl Session<'_> {
                 self.acknowledge(k);
             }
             // An operator's or the machine's doing, as often as it comes: no attempt of ours.
-            Err(no_trial @ (CompleteError::Swapped { .. } | CompleteError::MachineFault { .. })) => {
+            Err(
+                no_trial @ (CompleteError::Swapped { .. } | CompleteError::MachineFault { .. }),
+            ) => {
                 self.ask_again(k, rollout, no_trial.to_string())?;
             }
             Err(
@@ -94,9 +97,8 @@ impl Session<'_> {
     ) -> Result<Option<Completed>, SessionError> {
         let (since, cell) = (Instant::now(), self.links[k].name().to_string());
         loop {
-            let complete = |learner: &mut Learner| {
-                sessions_end(learner.complete(&cell, header, records))
-            };
+            let complete =
+                |learner: &mut Learner| sessions_end(learner.complete(&cell, header, records));
             match self.stored(complete)? {
                 Some(Err(CompleteError::BeingJudged { .. })) => {}
                 completed => return Ok(completed),
@@ -225,8 +227,22 @@ impl Session<'_> {
             self.acknowledge(k);
         }
         (self.on_event)(Event::Trial { cell: self.links[k].name(), report });
+        self.name_odd_cells();
         let cells: Vec<_> = self.links.iter().filter_map(|link| link.ports.as_ref()).collect();
         self.news.trial(&cells, self.learner, &mut *self.on_event);
+    }
+
+    /// Says, once of each, which cells differ from the others.
+    fn name_odd_cells(&mut self) {
+        if self.links.len() < 2 {
+            return;
+        }
+        for odd in odd_ones(self.learner.trials()) {
+            if !self.odd.contains(&odd.cell) {
+                (self.on_event)(Event::Odd(&odd));
+                self.odd.push(odd.cell);
+            }
+        }
     }
 
     fn ask_again(&mut self, k: usize, rollout: u64, reason: String) -> Result<(), SessionError> {

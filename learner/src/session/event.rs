@@ -7,6 +7,7 @@ use shm_types::episode::{EpisodeHeader, TickRecord};
 use shm_types::policy::PolicyMsg;
 use thiserror::Error;
 
+use crate::cells::Odd;
 use crate::error::LearnerError;
 use crate::learner::Taken;
 use crate::modes::ModeReport;
@@ -59,6 +60,8 @@ pub enum Event<'a> {
         cell: &'a str,
         rollout: u64,
     },
+    /// Its rollouts differ from those of the other cells.
+    Odd(&'a Odd),
     /// The cell is asked for nothing more until its controller is a new one.
     Retired {
         cell: &'a str,

@@ -161,11 +161,7 @@ impl Store {
     }
 
     /// Makes a proposal and its policy durable, before the policy is published.
-    pub fn put_proposal(
-        &mut self,
-        asked: &Asked,
-        policy: &PolicyMsg,
-    ) -> Result<(), StoreError> {
+    pub fn put_proposal(&mut self, asked: &Asked, policy: &PolicyMsg) -> Result<(), StoreError> {
         let text = self.policy_text(policy)?;
         self.transaction(|transaction| insert_proposal(transaction, asked, policy, &text))
     }

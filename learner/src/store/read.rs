@@ -7,8 +7,8 @@ use shm_types::measures::{Measure, Measures};
 use shm_types::policy::PolicyMsg;
 
 use super::rows::{
-    ASKED_COLUMNS, Asked, Event, TOLD_COLUMNS, TRIAL_COLUMNS, TrialRecord, from_hex, integer, signed,
-    trial_from_row, vector,
+    ASKED_COLUMNS, Asked, Event, TOLD_COLUMNS, TRIAL_COLUMNS, TrialRecord, from_hex, integer,
+    signed, trial_from_row, vector,
 };
 use super::{Store, StoreError, meta};
 use crate::history::History;

@@ -161,8 +161,7 @@ pub(super) const TRIAL_COLUMNS: &str = "rollout, theta, reward, policy_id, polic
 
 /// How many trials were known when a proposal was made, and whether it is the mean that the search had then (before
 /// the first trial there is none). Of rows with `asked` beside them.
-pub(super) const ASKED_COLUMNS: &str =
-    "COALESCE(asked.after, rollout - 1), EXISTS (SELECT 1 FROM searches WHERE searches.mean = theta AND \
+pub(super) const ASKED_COLUMNS: &str = "COALESCE(asked.after, rollout - 1), EXISTS (SELECT 1 FROM searches WHERE searches.mean = theta AND \
      searches.rollout = COALESCE((SELECT earlier.rollout FROM told AS earlier \
      WHERE earlier.place = asked.after), asked.after, rollout - 1))";
 /// When a trial was told, and which cell executed it.
