@@ -82,9 +82,9 @@ fn interleaved(
 fn no_two_rollouts_in_flight_are_the_same() {
     for method in METHODS {
         for (kind, space) in spaces().into_iter().enumerate() {
-            for seed in 0..3 {
+            for seed in 0..2 {
                 let mut desk = AskTell::new(build(&config(method), seed, space.clone()));
-                interleaved(&mut desk, seed, 200, |next, pending| {
+                interleaved(&mut desk, seed, 150, |next, pending| {
                     let at = format!("{method:?}, space {kind}, seed {seed}");
                     assert!(next.theta.iter().all(|x| x.is_finite()), "{at}");
                     assert!(kind == 0 || bounds().contains(&next.theta), "{at}: {}", next.theta);
@@ -161,11 +161,11 @@ fn searches_still_learn_with_many_arms() {
                 desk.modes().iter().map(|mode| reward(&mode.mean)).fold(0.0, f64::max)
             };
             let (mut with_one, mut with_many) = (desk(), desk());
-            for rollout in 1..=200 {
+            for rollout in 1..=150 {
                 let theta = with_one.ask(rollout).theta;
                 with_one.tell(&execute(rollout, theta)).unwrap();
             }
-            interleaved(&mut with_many, seed, 200, |_, _| {});
+            interleaved(&mut with_many, seed, 150, |_, _| {});
             one += best(&with_one) / 4.0;
             many += best(&with_many) / 4.0;
         }
