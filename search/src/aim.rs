@@ -5,9 +5,8 @@
 //! from a prediction. Rollout 1 is θ₀; every other one executes, of a set of candidates, the one that most
 //! likely succeeds: all measures in their windows, and more of its neighbours succeeded than failed.
 //!
-//! With several rollouts in flight each executes another candidate, the best one if the pending ones were failures: a
-//! pending trial keeps others away from its neighbourhood until its verdict is known. Pending aims at a part
-//! count as trials of it.
+//! With several rollouts in flight each executes the best candidate that is not pending, and pending aims at a part count
+//! as trials of it. Keeping away from the neighbourhood of pending ones made no difference (docs/adr/0034).
 //!
 //! After so many successes PoWER may take over, for what no target speaks of; or the search goes on to
 //! succeed in every part of the windows ([`cover`]), so that there is a policy for every wish.
@@ -75,9 +74,9 @@ struct Candidate {
 }
 
 impl Candidate {
-    /// ln p + share·u, with so many `pending` trials nearby that have not succeeded.
-    fn score(&self, pending: f64) -> f64 {
-        let p = (PRIOR * self.u.exp() + self.succeeded) / (PRIOR + self.tried + pending);
+    /// ln p + share·u.
+    fn score(&self) -> f64 {
+        let p = (PRIOR * self.u.exp() + self.succeeded) / (PRIOR + self.tried);
         p.max(f64::MIN_POSITIVE).ln() + SHARE * self.u.max(f64::MIN)
     }
 
@@ -87,13 +86,8 @@ impl Candidate {
         each.map(|(expected, window)| window.map_or(0.0, |w| expected.log_within(w))).sum()
     }
 
-    /// How near e is, 1 for the same place.
-    fn near(&self, e: &DVector<f64>) -> f64 {
-        (-0.5 * (&self.e - e).norm_squared() / NEAR.powi(2)).exp()
-    }
-
     fn meet(&mut self, e: &DVector<f64>, success: bool) {
-        let k = self.near(e);
+        let k = (-0.5 * (&self.e - e).norm_squared() / NEAR.powi(2)).exp();
         self.tried += k;
         self.succeeded += if success { k } else { 0.0 };
     }
@@ -223,7 +217,7 @@ impl Aim {
                 candidate.u += expected.log_within([target.min, target.max]);
                 candidate.expected.push(expected);
             }
-            candidate.score = candidate.score(0.0);
+            candidate.score = candidate.score();
             candidate.aimed = candidate.score + candidate.within(&aims).max(f64::MIN);
             if self.cover.n_parts() > 1 {
                 candidate.part = part_of(targets, candidate.expected.iter().map(|e| e.mean));
@@ -248,8 +242,7 @@ impl Aim {
         self.cover.next(&noted.copied().collect::<Vec<_>>())
     }
 
-    /// The candidate to execute beside the pending ones, which count as trials that did not succeed; `None` before
-    /// there are candidates.
+    /// The candidate to execute beside the pending ones; `None` before there are candidates.
     fn next_candidate(&self, pending: &[Proposal]) -> Option<&Candidate> {
         if pending.is_empty() {
             return self.candidates.first();
@@ -262,8 +255,7 @@ impl Aim {
             if pending_e.iter().any(|e| (&candidate.e - e).amax() < SAME) {
                 continue;
             }
-            let nearby = pending_e.iter().map(|e| candidate.near(e)).sum();
-            let aimed = candidate.score(nearby) + candidate.within(&aims).max(f64::MIN);
+            let aimed = candidate.score + candidate.within(&aims).max(f64::MIN);
             if best.is_none_or(|(highest, _)| aimed > highest) {
                 best = Some((aimed, candidate));
             }
