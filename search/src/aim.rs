@@ -5,6 +5,9 @@
 //! from a prediction. Rollout 1 is θ₀; every other one executes, of a set of candidates, the one that most
 //! likely succeeds: all measures in their windows, and more of its neighbours succeeded than failed.
 //!
+//! With several rollouts in flight each executes the best candidate that is not pending, and pending aims at a part count
+//! as trials of it. Keeping away from the neighbourhood of pending ones made no difference (docs/adr/0034).
+//!
 //! After so many successes PoWER may take over, for what no target speaks of; or the search goes on to
 //! succeed in every part of the windows ([`cover`]), so that there is a policy for every wish.
 
@@ -14,11 +17,13 @@ mod estimate;
 mod process;
 mod window;
 
+use std::collections::BTreeMap;
+
 use nalgebra::DVector;
 
 pub use config::{AimConfig, Target, Then};
 use cover::{Cover, part_of, windows};
-use estimate::{Estimate, Place};
+use estimate::{Estimate, Expected, Place};
 
 use super::normals::{standard_normal, stream};
 use super::power::{Elites, Power, PowerConfig};
@@ -31,6 +36,8 @@ const RIDGE: f64 = 0.02;
 const PRIOR: f64 = 0.3;
 /// How near that is, in units of `std`.
 const NEAR: f64 = 0.4;
+/// Candidates nearer to each other than this are the same but for rounding.
+const SAME: f64 = 1e-9;
 /// Part of the measures' say that no success outweighs.
 const SHARE: f64 = 0.3;
 
@@ -59,11 +66,26 @@ struct Candidate {
     /// How likely it succeeds, and that in the part that is aimed at; logarithms, not normalised.
     score: f64,
     aimed: f64,
+    /// u and what is expected of every measure.
+    u: f64,
+    expected: Vec<Expected>,
     /// In which part what is expected of it lies.
     part: usize,
 }
 
 impl Candidate {
+    /// ln p + share·u.
+    fn score(&self) -> f64 {
+        let p = (PRIOR * self.u.exp() + self.succeeded) / (PRIOR + self.tried);
+        p.max(f64::MIN_POSITIVE).ln() + SHARE * self.u.max(f64::MIN)
+    }
+
+    /// Σⱼ ln P(measure j in its window) over the measures that have one.
+    fn within(&self, windows: &[Option<[f64; 2]>]) -> f64 {
+        let each = self.expected.iter().zip(windows);
+        each.map(|(expected, window)| window.map_or(0.0, |w| expected.log_within(w))).sum()
+    }
+
     fn meet(&mut self, e: &DVector<f64>, success: bool) {
         let k = (-0.5 * (&self.e - e).norm_squared() / NEAR.powi(2)).exp();
         self.tried += k;
@@ -83,7 +105,8 @@ pub struct Aim {
     told: Vec<(DVector<f64>, bool)>,
     cover: Cover,
     n_successes: u64,
-    last: u64,
+    /// The parts that rollouts in flight are aimed at.
+    noted: BTreeMap<u64, usize>,
     mean: DVector<f64>,
     power: Option<Power>,
 }
@@ -105,7 +128,7 @@ impl Aim {
         let power = follows.then(|| Power::new(then, seed, space.clone()));
         let mean = space.inside(space.theta_0.clone());
         let (candidates, told) = (Vec::new(), Vec::new());
-        let (n_successes, last) = (0, 0);
+        let (n_successes, noted) = (0, BTreeMap::new());
         let cover = Cover::new(if config.then == Then::Cover { &config.targets } else { &[] });
         Aim {
             config,
@@ -116,7 +139,7 @@ impl Aim {
             told,
             cover,
             n_successes,
-            last,
+            noted,
             mean,
             power,
         }
@@ -163,8 +186,9 @@ impl Aim {
         let predicted = self.predicted(&theta);
         let places = vec![Place::default(); self.estimates.len()];
         let (tried, succeeded, score, aimed, part) = (0.0, 0.0, 0.0, 0.0, 0);
+        let (u, expected) = (0.0, Vec::new());
         let mut candidate =
-            Candidate { e, predicted, places, tried, succeeded, score, aimed, part };
+            Candidate { e, predicted, places, tried, succeeded, score, aimed, u, expected, part };
         self.told.iter().for_each(|(e, success)| candidate.meet(e, *success));
         self.candidates.push(candidate);
     }
@@ -183,30 +207,60 @@ impl Aim {
     /// windows is aimed at, ln P(measure j in that part) comes to it.
     fn rank(&mut self) {
         let targets = &self.config.targets;
-        let aims = match self.is_covering() {
-            true => windows(targets, self.cover.next()),
-            false => vec![None; targets.len()],
-        };
+        let aims = self.aims(self.cover.next(&[]));
         for candidate in &mut self.candidates {
-            let (mut u, mut within_part) = (-RIDGE * candidate.e.norm_squared(), 0.0);
-            let mut means = Vec::with_capacity(targets.len());
+            candidate.u = -RIDGE * candidate.e.norm_squared();
+            candidate.expected.clear();
             for (j, target) in targets.iter().enumerate() {
                 let (predicted, place) = (candidate.predicted[j], &mut candidate.places[j]);
                 let expected = self.estimates[j].at(&candidate.e, predicted, place);
-                u += expected.log_within([target.min, target.max]);
-                within_part += aims[j].map_or(0.0, |part| expected.log_within(part));
-                means.push(expected.mean);
+                candidate.u += expected.log_within([target.min, target.max]);
+                candidate.expected.push(expected);
             }
-            let p = (PRIOR * u.exp() + candidate.succeeded) / (PRIOR + candidate.tried);
-            candidate.score = p.max(f64::MIN_POSITIVE).ln() + SHARE * u.max(f64::MIN);
-            candidate.aimed = candidate.score + within_part.max(f64::MIN);
+            candidate.score = candidate.score();
+            candidate.aimed = candidate.score + candidate.within(&aims).max(f64::MIN);
             if self.cover.n_parts() > 1 {
-                candidate.part = part_of(targets, means);
+                candidate.part = part_of(targets, candidate.expected.iter().map(|e| e.mean));
             }
         }
         // A stable sort: of equals the one that was drawn first.
         self.candidates.sort_by(|a, b| b.aimed.total_cmp(&a.aimed));
         self.thin();
+    }
+
+    /// The windows that are aimed at beyond those of the targets: those of a part, once parts are covered.
+    fn aims(&self, part: usize) -> Vec<Option<[f64; 2]>> {
+        match self.is_covering() {
+            true => windows(&self.config.targets, part),
+            false => vec![None; self.config.targets.len()],
+        }
+    }
+
+    /// The part that is aimed at beside the pending rollouts.
+    fn next_part(&self, pending: &[Proposal]) -> usize {
+        let noted = pending.iter().filter_map(|proposal| self.noted.get(&proposal.rollout));
+        self.cover.next(&noted.copied().collect::<Vec<_>>())
+    }
+
+    /// The candidate to execute beside the pending ones; `None` before there are candidates.
+    fn next_candidate(&self, pending: &[Proposal]) -> Option<&Candidate> {
+        if pending.is_empty() {
+            return self.candidates.first();
+        }
+        let e_of = |proposal: &Proposal| (&proposal.theta - &self.space.theta_0) / self.config.std;
+        let pending_e: Vec<DVector<f64>> = pending.iter().map(e_of).collect();
+        let aims = self.aims(self.next_part(pending));
+        let mut best: Option<(f64, &Candidate)> = None;
+        for candidate in &self.candidates {
+            if pending_e.iter().any(|e| (&candidate.e - e).amax() < SAME) {
+                continue;
+            }
+            let aimed = candidate.score + candidate.within(&aims).max(f64::MIN);
+            if best.is_none_or(|(highest, _)| aimed > highest) {
+                best = Some((aimed, candidate));
+            }
+        }
+        best.map(|(_, candidate)| candidate)
     }
 
     /// Keeps the best candidates, as many of every part.
@@ -227,21 +281,29 @@ impl Aim {
 }
 
 impl Search for Aim {
-    /// The best candidate; rollouts that are asked for ahead of what was told get the next ones.
-    fn ask(&self, rollout: u64, _pending: &[Proposal]) -> Proposal {
+    fn ask(&self, rollout: u64, pending: &[Proposal]) -> Proposal {
         if let Some(power) = self.successor() {
-            return power.ask(rollout, &[]);
+            return power.ask(rollout, pending);
         }
-        let ahead = rollout.saturating_sub(self.last + 1) as usize;
-        let theta = match self.candidates.len() {
+        let theta = match self.next_candidate(pending) {
             _ if rollout == 1 => self.space.inside(self.space.theta_0.clone()),
-            0 => {
+            Some(candidate) => self.theta(&candidate.e),
+            // Before the first trial is told.
+            None => {
                 let mut rng = stream(self.seed, rollout);
                 self.theta(&self.draw(|| standard_normal(&mut rng)))
             }
-            n => self.theta(&self.candidates[ahead.min(n - 1)].e),
         };
         Proposal { rollout, theta }
+    }
+
+    fn note(&mut self, proposal: &Proposal, pending: &[Proposal]) {
+        if self.is_covering() {
+            self.noted.insert(proposal.rollout, self.next_part(pending));
+        }
+        if let Some(power) = &mut self.power {
+            power.note(proposal, pending);
+        }
     }
 
     fn check_reward(&self, reward: f64) -> Result<(), RewardError> {
@@ -258,7 +320,8 @@ impl Search for Aim {
             }
         }
         if self.cover.n_parts() > 1 {
-            let aimed = self.is_covering().then(|| self.cover.next());
+            let noted = self.noted.remove(&trial.rollout);
+            let aimed = noted.or_else(|| self.is_covering().then(|| self.cover.next(&[])));
             let targets = &self.config.targets;
             let values = trial.measured.iter().copied().collect::<Option<Vec<f64>>>();
             let is_within = |values: &Vec<f64>| {
@@ -274,7 +337,6 @@ impl Search for Aim {
         self.candidates.iter_mut().for_each(|candidate| candidate.meet(&e, trial.success));
         self.told.push((e, trial.success));
         self.n_successes += u64::from(trial.success);
-        self.last = self.last.max(trial.rollout);
         if let Some(power) = &mut self.power {
             power.tell(trial);
         }

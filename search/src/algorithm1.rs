@@ -1,6 +1,8 @@
 //! Algorithm 1 as the paper prints it: EM on a Gaussian mixture with split and merge.
 //!
-//! What the paper leaves open is a setting, or stated where it is decided.
+//! What the paper leaves open is a setting, or stated where it is decided. With several rollouts in flight each is drawn
+//! from the present mixture, and trials count whichever mixture they were drawn from, as in the paper: its elites
+//! are of all trials.
 
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};

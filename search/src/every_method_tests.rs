@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use super::power::Weights;
 use super::*;
 
-const METHODS: [Method; 12] = [
+pub(super) const METHODS: [Method; 12] = [
     Method::Aim,
     Method::Power,
     Method::Random,

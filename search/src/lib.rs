@@ -16,6 +16,8 @@ mod every_method_tests;
 mod filling;
 pub mod gaussian;
 pub mod gradient;
+#[cfg(test)]
+mod in_flight_tests;
 pub mod mixture;
 pub mod niching;
 pub mod normals;

@@ -1,11 +1,12 @@
 //! Random search, uniform in the box or normal around the demonstration: the baseline every learner
-//! has to beat.
+//! has to beat. Rollouts in flight make no difference to it.
 
 use nalgebra::{DMatrix, DVector};
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
 use super::normals::{standard_normal, stream};
+use super::power::by_reward;
 use super::{Mode, Search, SearchSnapshot, Space};
 use crate::range::{Range, range};
 use crate::trial::{Proposal, Trial};
@@ -74,7 +75,7 @@ impl Search for Random {
     }
 
     fn tell(&mut self, trial: &Trial) {
-        if self.best.as_ref().is_none_or(|best| trial.reward > best.reward) {
+        if self.best.as_ref().is_none_or(|best| by_reward(trial, best).is_lt()) {
             self.best = Some(trial.clone());
         }
     }

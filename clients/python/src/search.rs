@@ -152,6 +152,13 @@ impl Core {
         told.map_err(refused)
     }
 
+    /// Gives up a rollout that gave no reward, so that no later one reckons with it.
+    fn withdraw(&self, py: Python<'_>, rollout: u64) {
+        py.detach(|| {
+            self.state().desk.withdraw(rollout);
+        });
+    }
+
     fn mean<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
         let mean = self.state().desk.mean().clone();
         packed(py, mean.iter())

@@ -134,10 +134,14 @@ fn the_trials_alone_decide_what_is_proposed() {
 }
 
 #[test]
-fn rollouts_ahead_of_what_was_told_differ() {
+fn rollouts_beside_pending_ones_differ() {
     let (search, _) = run(&config(), 2, space(), 3);
-    let ahead: Vec<DVector<f64>> = (4..8).map(|rollout| search.ask(rollout, &[]).theta).collect();
-    assert!(ahead.iter().enumerate().all(|(i, a)| ahead[..i].iter().all(|b| a != b)));
+    let mut pending: Vec<Proposal> = Vec::new();
+    for rollout in 4..12 {
+        let next = search.ask(rollout, &pending);
+        assert!(pending.iter().all(|other| other.theta != next.theta));
+        pending.push(next);
+    }
     let untold = build(&config(), 2, space());
     assert_ne!(untold.ask(2, &[]), Proposal { rollout: 2, ..untold.ask(3, &[]) });
 }

@@ -16,6 +16,9 @@ const ENOUGH: usize = 4;
 /// Elites that are left at least.
 const FEWEST: usize = 2;
 
+/// An update with the same elites moves the mean by rounding only, in units of the floor.
+const SAME: f64 = 1e-9;
+
 /// Of the noise with each success, until it is as wide as Eq. (6) says.
 const GROWTH: f64 = 1.02;
 /// Where a world's own chances make draws fail, less noise helps nobody.
@@ -27,11 +30,11 @@ impl Power {
     pub(super) fn is_turn_of_mean(&self, pending: &[Proposal]) -> bool {
         let PowerConfig { mean_every: every, .. } = self.config;
         let n = self.n_succeeding.map(|n| n + pending.len() as u64);
-        let is_pending =
-            |p: &Proposal| self.noted.get(&p.rollout) == Some(&Some(self.mean.clone()));
+        let noted = pending.iter().filter_map(|p| self.noted.get(&p.rollout));
+        let is_same = |mean: &DVector<f64>| mean.metric_distance(&self.mean) <= SAME * self.floor();
         every > 0
             && n.is_some_and(|n| (n + 1).is_multiple_of(every))
-            && !pending.iter().any(is_pending)
+            && !noted.flatten().any(is_same)
     }
 
     /// The draw of `rollout` whose known reward is highest; after a failure a plain draw, since more of

@@ -239,7 +239,9 @@ class Search:
         return self._pending[rollout]
 
     def _learn(self, told: Told) -> None:
-        if not told.failed:
+        if told.failed:
+            self._core.withdraw(told.rollout)
+        else:
             self._core.tell(told.rollout, _bytes(told.theta), told.reward, told.success, told.measured)
         del self._pending[told.rollout]
         self._told.append(told)
