@@ -7,6 +7,7 @@
 pub mod arm;
 mod figure;
 pub mod latency;
+pub mod learner;
 pub mod output;
 mod page;
 mod row;

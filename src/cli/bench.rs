@@ -29,6 +29,9 @@ pub enum BenchVerb {
     /// The loop in real time under swaps, learner load, observers and kills, beside a bare loop
     #[command(after_help = "Example: skillet bench latency --seconds 120 --out benches/results")]
     Latency(BenchOptions),
+    /// Episodes a second that one learner makes durable, from 1 to 32 cells
+    #[command(after_help = "Example: skillet bench learner --seconds 60 --json")]
+    Learner(BenchOptions),
     /// Swaps as fast as they go, each one checked
     #[command(after_help = "Example: skillet bench swap --swaps 1000000")]
     Swap(SwapArgs),

@@ -3,7 +3,7 @@
 use anyhow::Result;
 
 use crate::Verdict;
-use crate::bench::{Bench, Plan, latency, output, sim, swap, tick, transport};
+use crate::bench::{Bench, Plan, latency, learner, output, sim, swap, tick, transport};
 use crate::cli::bench::{BenchArgs, BenchOptions, BenchVerb};
 use crate::host::Host;
 use crate::output::{print, print_json};
@@ -15,6 +15,7 @@ pub fn run(args: &BenchArgs) -> Result<Verdict> {
         BenchVerb::Sim(options) => measure(&sim::BENCH, options, None)?,
         BenchVerb::Transport(options) => measure(&transport::BENCH, options, None)?,
         BenchVerb::Latency(options) => measure(&latency::BENCH, options, None)?,
+        BenchVerb::Learner(options) => measure(&learner::BENCH, options, None)?,
         BenchVerb::Swap(args) => measure(&swap::BENCH, &args.options, args.swaps)?,
         BenchVerb::Echo(args) => transport::peer::echo(args)?,
     }

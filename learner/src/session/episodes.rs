@@ -12,6 +12,9 @@ use crate::judge::JudgeError;
 use crate::learner::Learner;
 use crate::summary::TrialReport;
 
+/// Trials between two looks for cells that differ.
+const ODD_EVERY: usize = 10;
+
 /// What became of an episode.
 type Completed = Result<TrialReport, CompleteError>;
 
@@ -234,7 +237,8 @@ impl Session<'_> {
 
     /// Says, once of each, which cells differ from the others.
     fn name_odd_cells(&mut self) {
-        if self.links.len() < 2 {
+        let is_time = self.learner.trials().len().is_multiple_of(ODD_EVERY);
+        if self.links.len() < 2 || !is_time {
             return;
         }
         for odd in odd_ones(self.learner.trials()) {

@@ -9,6 +9,7 @@ use super::*;
 use crate::config::LearnerConfig;
 use crate::path::{PathRow, decimate};
 use search::SearchSnapshot;
+use search::trial::Proposal;
 
 fn meta() -> SessionMeta {
     SessionMeta {

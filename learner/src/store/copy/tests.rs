@@ -5,7 +5,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use tempfile::TempDir;
 
-use super::super::tests::{policy, proposal, record, rows, session, store_trial};
+use super::super::tests::{asked, policy, record, rows, session, store_trial};
 use super::*;
 
 const TRIALS: u64 = 12;
