@@ -5,6 +5,8 @@
 //! and after it. If the cells are alike, a trial has as many better neighbours as worse ones, whatever the
 //! rewards are distributed like.
 
+use std::collections::BTreeSet;
+
 use crate::store::TrialRecord;
 
 /// Neighbours on either side, in the order in which trials were told.
@@ -23,24 +25,34 @@ pub struct Odd {
     pub worse: f64,
 }
 
-/// The cells that differ from the others, of trials in the order in which they were told.
+/// The cells that differ from the others, of trials in the order in which they were told: the one that differs most
+/// first, then those that differ from the rest.
 pub fn odd_ones(trials: &[TrialRecord]) -> Vec<Odd> {
-    let learnt: Vec<&TrialRecord> =
+    let mut left: Vec<&TrialRecord> =
         trials.iter().filter(|trial| trial.was_executed() && !trial.unrated).collect();
-    let mut cells: Vec<&str> = learnt.iter().map(|trial| trial.cell.as_str()).collect();
-    cells.sort_unstable();
-    cells.dedup();
-    if cells.len() < 2 {
-        return Vec::new();
+    let mut odd = Vec::new();
+    loop {
+        let cells: BTreeSet<&str> = left.iter().map(|trial| trial.cell.as_str()).collect();
+        let all = cells.into_iter().filter_map(|cell| compared(cell, &left));
+        let most = all.max_by(|a, b| a.deviation.total_cmp(&b.deviation));
+        let Some(most) = most.filter(|most| most.deviation > DEVIATIONS) else { return odd };
+        left.retain(|trial| trial.cell != most.odd.cell);
+        odd.push(most.odd);
     }
-    cells.into_iter().filter_map(|cell| odd(cell, &learnt)).collect()
+}
+
+/// A cell beside the others.
+struct Compared {
+    odd: Odd,
+    /// In standard deviations of the sum below.
+    deviation: f64,
 }
 
 /// Σ sᵢ over the trials of a cell, sᵢ = mean of sign(rᵢ − rⱼ) over its m neighbours j of other cells. If all are alike
 /// its mean is 0, and its variance Σ (n + m + 1)/(3m) with n own trials among these neighbours, as of Mann and
 /// Whitney's U, 2U/m − n; with ties it is less.
-fn odd(cell: &str, trials: &[&TrialRecord]) -> Option<Odd> {
-    let (mut sum, mut variance, mut count) = (0.0, 0.0, 0);
+fn compared(cell: &str, trials: &[&TrialRecord]) -> Option<Compared> {
+    let (mut sum, mut variance, mut count) = (0.0, 0.0, 0_u32);
     for (i, trial) in trials.iter().enumerate().filter(|(_, trial)| trial.cell == cell) {
         let others = |(_, trial): &(usize, &&TrialRecord)| trial.cell != cell;
         let before = trials.iter().enumerate().take(i).rev().filter(others).take(NEIGHBOURS);
@@ -58,12 +70,10 @@ fn odd(cell: &str, trials: &[&TrialRecord]) -> Option<Odd> {
         variance += (span + 1.0) / (3.0 * m);
         count += 1;
     }
-    let is_odd = count >= MIN_TRIALS && sum.abs() > DEVIATIONS * f64::sqrt(variance);
-    is_odd.then(|| Odd {
-        cell: cell.into(),
-        trials: count,
-        worse: 0.5 * (1.0 - sum / count as f64),
-    })
+    let worse = 0.5 * (1.0 - sum / f64::from(count));
+    let odd = Odd { cell: cell.into(), trials: count as usize, worse };
+    let deviation = sum.abs() / f64::sqrt(variance);
+    (odd.trials >= MIN_TRIALS).then_some(Compared { odd, deviation })
 }
 
 fn sign(difference: f64) -> f64 {

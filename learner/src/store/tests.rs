@@ -240,7 +240,7 @@ fn refuses_another_format_and_another_task() {
     assert!(error.contains("of the task `pancake`, not `skittles`"), "{error}");
     store.connection.pragma_update(None, "user_version", 99).unwrap();
     drop(store);
-    assert!(refusal(&path).contains("session format 99, this program writes 6"));
+    assert!(refusal(&path).contains("session format 99, this program writes 7"));
 }
 
 #[test]
