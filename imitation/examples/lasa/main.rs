@@ -22,7 +22,7 @@ use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
 use pushes::{N_PUSHES, Push, Pushed, pushed, pushes};
-use time_driven::{TimeDriven, on_one_clock};
+use time_driven::{Fit, TimeDriven, on_one_clock};
 
 /// A motion has arrived when it is as near to its end as this, m.
 const ARRIVED: f64 = 0.002;
@@ -133,7 +133,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 /// An encoding that time drives, pushed to the same places as the stable field.
 fn time_driven<'a>(
     shape: &'a str,
-    fit: fn(&[Recording]) -> Result<TimeDriven, Box<dyn Error>>,
+    fit: Fit,
     train: &[Recording],
     test: &[Recording],
     pushes: &[Push],

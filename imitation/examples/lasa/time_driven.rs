@@ -24,7 +24,10 @@ pub struct TimeDriven {
     output: Option<(f64, Regression)>,
 }
 
-/// The clock that the recordings share.
+/// From recordings on one clock.
+pub type Fit = fn(&[Recording]) -> Result<TimeDriven, Box<dyn Error>>;
+
+/// The recordings on one clock.
 pub fn on_one_clock(train: &[Recording]) -> Result<Vec<Recording>, Box<dyn Error>> {
     Ok(align(train, Alignment::Warped)?)
 }
