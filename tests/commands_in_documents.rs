@@ -72,6 +72,8 @@ impl Stage {
         fs::copy(root.join("demos/pancake.csv"), bench.path("recording.csv")).unwrap();
         fs::copy(root.join("demos/pancake.csv"), bench.path("my_demo.csv")).unwrap();
         fs::copy(root.join("robots/wam7/wam7_pan.urdf"), bench.path("my_arm.urdf")).unwrap();
+        let primitive = root.join("tests/vectors/dmpbbo_pancake.json");
+        fs::copy(primitive, bench.path("primitive.json")).unwrap();
         bench.write("my.toml", "[task]\ndemonstration = \"my_demo.csv\"\n");
         bench.write("new.toml", "[task.judge]\nsuccess = \"caught\"\nreward = \"apex_m\"\n");
         let stage = Stage { bench, controllers: vec![], learners: vec![], fresh: BTreeSet::new() };

@@ -51,6 +51,56 @@ fn nothing_is_overwritten_and_what_the_arm_cannot_do_is_said() {
     assert_eq!(drafts.count(), 0);
 }
 
+/// Trained with dmpbbo on the demonstration above: its `origin` says how.
+const PRIMITIVE: &str = include_str!("vectors/dmpbbo_pancake.json");
+
+#[test]
+fn a_primitive_of_dmpbbo_becomes_a_demonstration_that_is_learnt_as_a_primitive() {
+    let bench = Bench::new();
+    bench.write("primitive.json", PRIMITIVE);
+    let import = ["demo", "import", "primitive.json", "--out", "my_demo.csv"];
+    let printed: Value =
+        serde_json::from_str(&bench.ok(&[&import[..], &["--json"]].concat())).unwrap();
+    assert_eq!((&printed["fits_arm"], &printed["samples"]), (&true.into(), &141.into()));
+    assert_eq!(printed["format"]["recorder"], "dmpbbo");
+    // What it was trained on, as near as its twenty basis functions come.
+    let values = |text: &str| -> Vec<f64> {
+        text.lines()
+            .skip(1)
+            .flat_map(|row| row.split(',').map(|cell| cell.parse().unwrap()))
+            .collect()
+    };
+    let found = values(&util::text(&bench.path("my_demo.csv")));
+    let worst = found.iter().zip(values(DEMONSTRATION)).map(|(a, b)| (a - b).abs());
+    assert!(worst.clone().fold(0.0, f64::max) < 5e-3, "{:?}", worst.fold(0.0, f64::max));
+
+    let config = "[task]\ndemonstration = \"my_demo.csv\"\n[learner]\nencoding = \"dmp\"\n";
+    bench.write("my.toml", config);
+    bench.ok(&["learn", "pancake", "--config", "my.toml", "--rollouts", "3", "--out", "mine"]);
+    assert!(bench.trials("mine").iter().all(|trial| trial.fault == 0));
+}
+
+#[test]
+fn what_a_primitive_lacks_is_named_with_what_to_do() {
+    let bench = Bench::new();
+    let import = ["demo", "import", "primitive.json", "--out", "d.csv"];
+    let refused = |from: &str, to: &str, more: &[&str], words: &[&str]| {
+        assert!(PRIMITIVE.contains(from), "{from}");
+        bench.write("primitive.json", &PRIMITIVE.replacen(from, to, 1));
+        bench.refused(&[&import[..], more].concat(), words);
+    };
+    refused("_phase_system", "_phase", &[], &["primitive.json", "missing field `_phase_system`"]);
+    refused(
+        "\"damping_coefficient\":20.0",
+        "\"damping_coefficient\":0",
+        &[],
+        &["damping_coefficient"],
+    );
+    refused("_tau\":1.4", "_tau\":400.0", &[], &["primitive.json", "400 s", "--start and --end"]);
+    refused("_tau", "_tau", &["--columns", "x=y1,y=y2,z=y5"], &["y5", "y1, y2, y3, y4"]);
+    refused("_tau", "_tau", &["--columns", "x_deg=y1"], &["no unit `deg`"]);
+}
+
 /// Three joints: it cannot turn its pan as it likes.
 const SMALL_ARM: &str = r#"<robot name="small"><link name="base"/>
   <link name="a"><inertial><origin xyz="0 0 0.1"/><mass value="0.3"/><inertia ixx="0.001" ixy="0" ixz="0" iyy="0.001" iyz="0" izz="0.0003"/></inertial></link>

@@ -73,7 +73,8 @@ pub enum DmpbboError {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Conversion {
     pub dmp: Dmp,
-    /// Largest distance between its path and that of the original, in the unit of x.
+    /// Largest distance between its path and that of the original, in the unit of x; infinite where one of them is not
+    /// finite.
     pub largest_miss: f64,
 }
 
@@ -147,7 +148,9 @@ impl Dmpbbo {
             duration_s: self.tau,
         };
         let misses = dmp.rollout(self.tau, period_s) - self.rollout(self.tau, period_s);
-        let largest_miss = misses.column_iter().map(|miss| miss.norm()).fold(0.0, f64::max);
+        let largest =
+            |so_far: f64, miss: f64| if miss.is_nan() { f64::INFINITY } else { so_far.max(miss) };
+        let largest_miss = misses.column_iter().map(|miss| miss.norm()).fold(0.0, largest);
         Conversion { dmp, largest_miss }
     }
 }
@@ -187,9 +190,13 @@ struct Spring {
 impl File {
     fn checked(self) -> Result<Dmpbbo, DmpbboError> {
         let dim = self._dim_y;
+        if dim == 0 {
+            return Err(DmpbboError::NotPositive("_dim_y"));
+        }
         if self._damping_system.is_some() {
             return Err(DmpbboError::Damping);
         }
+        sized("_y_attr", &self._y_attr, dim)?;
         let tau = positive("_tau", self._tau)?;
         let spring = &self._spring_system;
         let stiffness =
@@ -204,7 +211,6 @@ impl File {
         if spring._x_init[dim..].iter().any(|z| *z != 0.0) {
             return Err(DmpbboError::Moving);
         }
-        sized("_y_attr", &self._y_attr, dim)?;
         let scales = self.scales()?;
         let approximators = self._function_approximators.unwrap_or_default();
         if !approximators.is_empty() && approximators.len() != dim {
@@ -218,8 +224,11 @@ impl File {
             goal_system.check("_goal_system", dim)?;
         }
         Ok(Dmpbbo {
-            kappa_p: stiffness / (mass * tau),
-            kappa_v: damping / mass,
+            kappa_p: positive(
+                "spring_constant relative to mass and _tau",
+                stiffness / (mass * tau),
+            )?,
+            kappa_v: positive("damping_coefficient relative to mass", damping / mass)?,
             tau,
             start: DVector::from_column_slice(&self._spring_system._x_init[..dim]),
             goal: DVector::from_vec(self._y_attr),
@@ -256,8 +265,9 @@ impl File {
     }
 }
 
+/// A step of it is not zero either, so subnormal numbers are none.
 fn positive(field: &'static str, value: f64) -> Result<f64, DmpbboError> {
-    let is_positive = value > 0.0 && value.is_finite();
+    let is_positive = value > 0.0 && value.is_normal();
     is_positive.then_some(value).ok_or(DmpbboError::NotPositive(field))
 }
 

@@ -5,12 +5,15 @@
 mod common;
 
 use common::{controller, field, wam};
+use nalgebra::Vector6;
 use physics::ideal::IdealArm;
 use physics::pancake::WAM7_START_POSTURE;
 use physics::plant::Plant;
 use rt_controller::ControllerConfig;
 use rt_controller::admit::admission::admit;
+use rt_controller::hot::policy::Policy;
 use rt_controller::hot::rollout::Phase;
+use rt_controller::hot::task_space::TaskState;
 use shm_types::TASK_DIM;
 use shm_types::episode::TickRecord;
 use shm_types::policy::{
@@ -53,7 +56,7 @@ fn a_field_is_refused_with_system_eigenvalue_and_what_would_help() {
         (&["following is 600"], |m| m.following = 600.0),
         (&["target", "m from the shoulder"], |m| m.target[0] = 9.0),
         (&["system 4: center"], |m| m.systems[4].center[0] = f64::NAN),
-        (&["eigenvalue -3.000e0 ± 3.0", "more than 300"], |m| {
+        (&["system 6: following = 60", "more than 303.0"], |m| {
             let A = &mut m.systems[6].of_position;
             (A[4 * ROW + 5], A[5 * ROW + 4]) = (30.0, -30.0);
             let target = m.target;
@@ -87,6 +90,41 @@ fn a_certificate_may_be_any_metric() {
     let plain = refusal(message).expect("not in this metric");
     assert!(plain.contains("eigenvalue 1.000e0"), "{plain}");
     message.certificate[packed_index(1, 1)] = 16.0;
+    assert_eq!(refusal(message), None);
+}
+
+/// Four systems that each spiral nowhere: their eigenvalues are −10 and −50. Whatever their weights are, ẋ = f(x) comes to
+/// rest. Followed with λ = 1 they push along the circle on all sides, and the motion opens.
+#[test]
+fn a_field_that_is_followed_too_slowly_is_refused_though_each_of_its_systems_comes_to_rest() {
+    let mut message = PolicyMsg { task_dim: 3, n_systems: 4, ..PolicyMsg::EMPTY };
+    (message.activation, message.output) = (ACTIVATION_STATE, OUTPUT_VELOCITY);
+    (0..3).for_each(|i| message.certificate[packed_index(i, i)] = 1.0);
+    for (k, system) in message.systems[..4].iter_mut().enumerate() {
+        let (axis, side) = (k / 2, if k % 2 == 0 { 0.03 } else { -0.03 });
+        system.center[axis] = side;
+        (0..3).for_each(|i| system.covariance[packed_index(i, i)] = 9e-4);
+        (0..3).for_each(|i| system.of_position[ROW * i + i] = -30.0);
+        let coupling = if axis == 0 { 20.0 } else { -20.0 };
+        (system.of_position[1], system.of_position[ROW]) = (coupling, coupling);
+    }
+    // How far from the target, 10 cm at first, after 15 s.
+    let ends_at = |message: &PolicyMsg| {
+        let law = Policy::new(message);
+        let mut x = Vector6::new(0.1, 0.0, 0.0, 0.0, 0.0, 0.0);
+        let mut xd = Vector6::zeros();
+        for k in 0..15_000 {
+            xd += law.command(k as f64 * 1e-3, &TaskState::at(x, xd)).xdd * 1e-3;
+            x += xd * 1e-3;
+        }
+        x.norm()
+    };
+    message.following = 1.0;
+    assert!(ends_at(&message) > 1.0, "{} m", ends_at(&message));
+    let error = refusal(message).expect("it grows");
+    assert!(error.contains("following = 1 s⁻¹ is too slow") && error.contains("50.0"), "{error}");
+    message.following = 51.0;
+    assert!(ends_at(&message) < 1e-3, "{} m", ends_at(&message));
     assert_eq!(refusal(message), None);
 }
 

@@ -14,7 +14,7 @@ pub struct DemoArgs {
 
 #[derive(Subcommand)]
 pub enum DemoVerb {
-    /// Make a demonstration from a recording of joint angles or poses
+    /// Make a demonstration from a recording of joint angles or poses, or from a primitive of dmpbbo
     Import(ImportArgs),
     /// Give a session one more demonstration to start from
     Add(AddArgs),
@@ -45,6 +45,7 @@ Examples:
   skillet demo import joints.csv --config my.toml --smooth-s 0.03 --start 1.2 --end 3.0 --out my_demo.csv
   skillet demo import elsewhere.csv --at-start --slow 2 --out my_demo.csv
   skillet demo import log.txt --columns t_ms=stamp,q1=joint_a,q2_deg=joint_b --out my_demo.csv
+  skillet demo import primitive.json --out my_demo.csv
 
 Any table of text: commas, semicolons, tabs, spaces or | between the columns, decimal point or comma,
 UTF-8, UTF-16 or Latin-1, comments after #, % or //. Columns in any order; others are not read:
@@ -58,10 +59,14 @@ lengths are m, angles rad, and the size of the steps tells the unit of the time.
 `rostopic echo -p`, PlotJuggler, TUM/evo, EuRoC, UR RTDE, LeRobot and libfranka write are known;
 --columns says what no name does.
 
+A Dmp of dmpbbo, written with its savejson_for_cpp, is played from its start over its _tau. 3 coordinates are x, y, z, 4
+have a pitch besides, 6 roll and yaw too, as many as the arm has joints are these; --columns x_mm=y1,y_mm=y2,z_mm=y3
+says otherwise. The learner fits it anew: with learner.encoding = dmp as a primitive again, with gains of its own.
+
 Exit code 1 when the file is written but the configured arm cannot follow it: out of reach, or faster
 than its joint speeds and torques allow.")]
 pub struct ImportArgs {
-    /// Recording (CSV, or any table of text)
+    /// Recording (CSV, or any table of text), or a primitive of dmpbbo (JSON)
     pub file: PathBuf,
     /// Demonstration to write; never overwrites a file
     #[arg(long)]

@@ -1,7 +1,8 @@
 //! From somebody's recording to a demonstration: read, trim, smooth, resample, move, write.
 //!
 //! bytes → [`encoding`] → [`dialect`] (rows of cells) → [`fields`] → [`columns`] (what is what) →
-//! [`rows`] (values and times) → [`gaps`] → [`recording`] → [`import`].
+//! [`rows`] (values and times) → [`gaps`] → [`recording`] → [`import`]. A primitive of dmpbbo is played before
+//! ([`primitive`]), and its path is the table.
 
 mod cell;
 mod columns;
@@ -15,6 +16,7 @@ mod joints;
 mod mapping;
 mod names;
 mod pose;
+mod primitive;
 mod recording;
 mod rows;
 mod shift;

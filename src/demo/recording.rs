@@ -1,4 +1,4 @@
-//! A recording as it is on disk: rows of joint angles or poses at any times.
+//! A recording as it is on disk: rows of joint angles or poses at any times, or what moves so.
 #![allow(non_snake_case)] // monogram notation: X_WP, R
 
 use anyhow::{Context, Result, bail};
@@ -14,7 +14,7 @@ use super::fields::Fields;
 use super::gaps;
 use super::mapping::Assignment;
 use super::rows;
-use super::{container, encoding};
+use super::{container, encoding, primitive};
 
 /// Rotation vectors jump at π; nearer than this a recording may not come.
 pub const MAX_TURN_RAD: f64 = 3.0;
@@ -49,6 +49,25 @@ pub struct Recording {
 impl Recording {
     /// Reads `bytes`; `file` names them in messages. `mapping` goes before the names of columns.
     pub fn read(
+        file: &str,
+        bytes: &[u8],
+        model: &ArmModel,
+        mapping: &[Assignment],
+    ) -> Result<Recording> {
+        let n_joints = model.joint_names().len();
+        let Some(table) = primitive::table(file, bytes, n_joints, !mapping.is_empty())? else {
+            return Recording::of_table(file, bytes, model, mapping);
+        };
+        let played = format!("{file}, played as a table");
+        let mut recording = Recording::of_table(&played, table.as_bytes(), model, mapping)?;
+        recording.format[..2].clone_from_slice(&[
+            ("recorder", "dmpbbo".to_string()),
+            ("text", "JSON, a primitive that is played".to_string()),
+        ]);
+        Ok(recording)
+    }
+
+    fn of_table(
         file: &str,
         bytes: &[u8],
         model: &ArmModel,

@@ -1,4 +1,5 @@
-//! Stable fields beside other programs on handwriting: `imitation/lasa.py` has the data and runs the others.
+//! Stable fields beside encodings driven by time and other programs on handwriting: `imitation/lasa.py` has the data
+//! and runs the others.
 
 use anyhow::Result;
 

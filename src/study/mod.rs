@@ -226,8 +226,8 @@ pub const STUDIES: &[Study] = &[
     ),
     table_of(
         "imitation",
-        "stable fields beside movement primitives on handwriting, through a Python program",
-        1,
+        "stable fields beside encodings driven by time on handwriting, with pushes, through Python",
+        2,
         imitation::run_seed,
     ),
     table_of("niching", "all optima of the CEC 2013 functions F1 to F10", 2, niching::run_seed),

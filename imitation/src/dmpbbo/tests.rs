@@ -112,6 +112,13 @@ fn the_plain_form_comes_as_near_as_it_says() {
 }
 
 #[test]
+fn a_path_that_overflows_is_missed_by_infinity() {
+    let mut file = file();
+    file["_y_attr"] = json!([1e308, -1e308]);
+    assert_eq!(read(&file).unwrap().plain(8, 0.6).largest_miss, f64::INFINITY);
+}
+
+#[test]
 fn other_phases_and_locally_weighted_regression_are_read() {
     let mut file = file();
     file["_phase_system"] = json!({
@@ -154,6 +161,10 @@ fn what_is_not_supported_is_refused_by_its_name() {
         (&|f| f["_spring_system"]["_x_init"][2] = json!(0.3), "at rest"),
         (&|f| f["_forcing_term_scaling"] = "OTHER".into(), "OTHER"),
         (&|f| f["_y_attr"] = json!([0.5]), "_y_attr has 1 values"),
+        (&|f| f["_dim_y"] = json!(u64::MAX), "_y_attr has 2 values"),
+        (&|f| f["_dim_y"] = json!(0), "_dim_y must be positive"),
+        (&|f| f["_tau"] = json!(5e-324), "_tau must be positive"),
+        (&|f| f["_spring_system"]["mass"] = json!(1e-307), "relative to mass and _tau"),
         (&|f| f["_function_approximators"][1]["class"] = "FunctionApproximatorGPR".into(), "GPR"),
         (&|f| f["_function_approximators"][0]["_model_params"] = Value::Null, "no Dmp of dmpbbo"),
         (

@@ -82,9 +82,9 @@ pub enum AdmissionError {
     )]
     Rest { system: usize, speed: f64 },
     #[error(
-        "system {system}: of_position has the eigenvalue {re:.3e} ± {im:.3e}i s⁻¹, which following = {following} s⁻¹ makes grow: use more than {needed:.1} s⁻¹, or systems that turn less"
+        "system {system}: following = {following} s⁻¹ is too slow for this field: the arm lags behind it and may not come to rest; use more than {needed:.1} s⁻¹, or systems that are slower or turn less"
     )]
-    Following { system: usize, re: f64, im: f64, following: f64, needed: f64 },
+    Following { system: usize, following: f64, needed: f64 },
     #[error(
         "duration_s is {duration_s}: with settle_s = {settle_s} it needs {records} records of {MAX_RECORDS}; shorten it or lengthen controller.period_us"
     )]

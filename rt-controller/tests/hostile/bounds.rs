@@ -111,9 +111,10 @@ fn of_component(
 }
 
 /// Gaussian elimination with pivots from the diagonal: all pivots of a positive definite matrix are
-/// positive.
+/// positive. `d` is at most 2·[`TASK_DIM`].
 pub fn is_positive(d: usize, entry: impl Fn(usize, usize) -> f64) -> bool {
-    let mut m: [[f64; TASK_DIM]; TASK_DIM] = std::array::from_fn(|r| {
+    const N: usize = 2 * TASK_DIM;
+    let mut m: [[f64; N]; N] = std::array::from_fn(|r| {
         std::array::from_fn(|c| if r.max(c) < d { entry(r, c) } else { 0.0 })
     });
     let mut left: Vec<usize> = (0..d).collect();

@@ -1,6 +1,6 @@
 //! Linear systems at their bounds: how they are made up, and their bounds once more.
 
-use nalgebra::{Matrix6, SMatrix, Vector6};
+use nalgebra::{Matrix6, Vector6};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use shm_types::policy::{
@@ -12,7 +12,7 @@ use super::bounds::{Arm, is_positive};
 use super::policies::{between, point, rotated};
 
 /// Shares by which bounds are widened or narrowed where rounding counts for more: of gains, of what a
-/// small eigenvalue beside large ones decides, and of λ, which unsymmetric eigenvalues decide.
+/// small eigenvalue beside large ones decides, and of λ, which the inverse of a small one decides.
 const GAIN: f64 = 1e-5;
 const SMALL: f64 = 0.1;
 const LAMBDA: f64 = 0.05;
@@ -190,42 +190,23 @@ fn of_field(system: &LinearSystem, policy: &PolicyMsg, slack: f64) -> Option<&'s
         return Some("not at rest at the target");
     }
     let lambda = policy.following * (1.0 + LAMBDA * slack.signum());
-    (!is_followed(d, A, lambda)).then_some("following")
+    (!is_followed(d, P, PA, lambda)).then_some("following")
 }
 
-/// d/dt (x, ẋ) = M (x, ẋ) with M = [0 1; λA −λ] dies out: the powers of its Cayley transform
-/// (1 − M/c)⁻¹ (1 + M/c), squared again and again, vanish.
-fn is_followed(d: usize, A: impl Fn(usize, usize) -> f64, lambda: f64) -> bool {
-    const N: usize = 2 * TASK_DIM;
-    let M = SMatrix::<f64, N, N>::from_fn(|r, c| {
-        let (row, column) = (r % TASK_DIM, c % TASK_DIM);
-        let number = |is: bool| f64::from(u8::from(is));
-        let (used, unit) = (number(row.max(column) < d), number(row == column));
-        match (r < TASK_DIM, c < TASK_DIM) {
-            // What is not in use dies out by itself.
-            (true, true) => (used - 1.0) * unit,
-            (true, false) => used * unit,
-            (false, true) => used * lambda * A(row, column),
-            (false, false) => -lambda * unit,
-        }
-    });
-    let one = SMatrix::<f64, N, N>::identity();
-    let scaled = M / M.norm();
-    let Some(inverse) = (one - scaled).try_inverse() else { return false };
-    let mut power = inverse * (one + scaled);
-    // After 60 squarings what shrinks is nothing and what grows has been taken back: its size is the sum.
-    let mut log_size = 0.0;
-    for _ in 0..60 {
-        let size = power.norm();
-        log_size = 2.0 * (log_size + size.ln());
-        power /= size;
-        power *= power;
-        if log_size < -1e3 {
-            return true;
-        }
-        if log_size > 1e3 {
-            return false;
-        }
-    }
-    log_size + power.norm().ln() < 0.0
+/// With S = −½(PA + AᵀP) and T = ½(PA − AᵀP), both in the coordinates of the message, the motion that follows has the
+/// certificate [S, T; Tᵀ, λP − S] ≻ 0.
+fn is_followed(
+    d: usize,
+    P: impl Fn(usize, usize) -> f64,
+    PA: impl Fn(usize, usize) -> f64,
+    lambda: f64,
+) -> bool {
+    let S = |r: usize, c: usize| -0.5 * (PA(r, c) + PA(c, r));
+    let T = |r: usize, c: usize| 0.5 * (PA(r, c) - PA(c, r));
+    is_positive(2 * d, |r, c| match (r < d, c < d) {
+        (true, true) => S(r, c),
+        (true, false) => T(r, c - d),
+        (false, true) => T(c, r - d),
+        (false, false) => lambda * P(r - d, c - d) - S(r - d, c - d),
+    })
 }

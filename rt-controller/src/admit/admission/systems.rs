@@ -3,10 +3,10 @@
 //!
 //! With V = (x − x*)ᵀ P (x − x*), P Aᵢ + Aᵢᵀ P ≺ 0 and Aᵢ x* + bᵢ = 0 for every i, V falls along
 //! ẋ = Σ hᵢ(x) [Aᵢ x + bᵢ] whatever the hᵢ ≥ 0 are (Khansari-Zadeh & Billard, T-RO 2011, for P = I). It is
-//! a property of the field. The loop follows it with a lag of 1/λ, which makes of an eigenvalue −α ± βi
-//! of Aᵢ the characteristic equation s² + λs + λ(α ∓ βi) = 0: stable where λ > β²/α.
+//! a property of the field. The loop follows it with a lag of 1/λ, and that motion has a certificate of the
+//! same kind where λ is large enough, see [`following`].
 
-use nalgebra::{Cholesky, DMatrix, DVector, Schur};
+use nalgebra::{Cholesky, DMatrix, DVector};
 use shm_types::policy::{
     ACTIVATION_STATE, LinearSystem, ORIENTATION_SPHERE, OUTPUT_VELOCITY, PolicyMsg,
 };
@@ -15,9 +15,6 @@ use super::{
     AdmissionError, CERTIFICATE_MAX, CERTIFICATE_MIN, CONTRACTION_MIN, COVARIANCE_MAX,
     COVARIANCE_MIN, DAMPER_MAX, REST_MAX, Room, STIFFNESS_MAX,
 };
-
-/// Sweeps of the eigenvalue iteration, which needs a few a row; no message may keep it busy for ever.
-const SWEEPS: usize = 1000;
 
 pub(super) fn check(message: &PolicyMsg, room: &Room) -> Result<(), AdmissionError> {
     if let Some(distance) = room.excess(&message.target) {
@@ -90,7 +87,10 @@ fn field(message: &PolicyMsg) -> Result<(), AdmissionError> {
             return Err(AdmissionError::Unused { system: i, field: "of_drive", why });
         }
         let A = DMatrix::from_fn(d, d, |r, c| system.of_position_at(r, c));
-        let eigenvalue = rate(&A, &L);
+        let Some(A_P) = in_metric(&A, &L) else {
+            return Err(AdmissionError::Contraction { system: i, eigenvalue: f64::INFINITY });
+        };
+        let eigenvalue = (&A_P + A_P.transpose()).symmetric_eigenvalues().max() * 0.5;
         if eigenvalue > -CONTRACTION_MIN {
             return Err(AdmissionError::Contraction { system: i, eigenvalue });
         }
@@ -98,35 +98,30 @@ fn field(message: &PolicyMsg) -> Result<(), AdmissionError> {
         if speed > REST_MAX {
             return Err(AdmissionError::Rest { system: i, speed });
         }
-        following(i, A, message.following)?;
+        following(i, &A_P, message.following)?;
     }
     Ok(())
 }
 
-/// The least c with ½ (P A + Aᵀ P) ≼ c P, s⁻¹: with P = L Lᵀ the largest eigenvalue of the symmetric part
-/// of Lᵀ A L⁻ᵀ.
-fn rate(A: &DMatrix<f64>, L: &DMatrix<f64>) -> f64 {
-    let transposed = L.solve_lower_triangular(&(A.transpose() * L));
-    transposed.map_or(f64::INFINITY, |B| ((&B + B.transpose()) * 0.5).symmetric_eigenvalues().max())
+/// Lᵀ A L⁻ᵀ: A in coordinates in which V is the squared distance, as P = L Lᵀ. The largest eigenvalue of its
+/// symmetric part is the least c with ½ (P A + Aᵀ P) ≼ c P, s⁻¹.
+fn in_metric(A: &DMatrix<f64>, L: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    // X Lᵀ = Lᵀ A, from L Xᵀ = Aᵀ L.
+    Some(L.solve_lower_triangular(&(A.transpose() * L))?.transpose())
 }
 
-/// λ > β²/α for every eigenvalue −α ± βi of A, where α > 0 is known.
-fn following(i: usize, A: DMatrix<f64>, following: f64) -> Result<(), AdmissionError> {
-    let unknown = AdmissionError::Following {
-        system: i,
-        re: f64::NAN,
-        im: f64::NAN,
-        following,
-        needed: f64::INFINITY,
-    };
-    let schur = Schur::try_new(A, f64::EPSILON, SWEEPS).ok_or(unknown)?;
-    for eigenvalue in schur.complex_eigenvalues().iter() {
-        let (re, im) = (eigenvalue.re, eigenvalue.im.abs());
-        let needed = im * im / -re;
-        let is_followed = re < 0.0 && following > needed;
-        if !is_followed {
-            return Err(AdmissionError::Following { system: i, re, im, following, needed });
-        }
+/// λ > λmax(N + Wᵀ N⁻¹ W), where A = W − N in the metric of P with N symmetric, N ≻ 0, and W skew.
+///
+/// With y = x − x* + ẋ/λ and e = ẋ/λ, both in that metric, V₂ = yᵀy + eᵀe then falls along ẍ = λ (f − ẋ) whatever
+/// the activations do: V̇₂ = −2 [y; e]ᵀ [N, W; Wᵀ, λI − N] [y; e] is linear in A.
+fn following(i: usize, A_P: &DMatrix<f64>, following: f64) -> Result<(), AdmissionError> {
+    let N = (A_P + A_P.transpose()) * -0.5;
+    let W = (A_P - A_P.transpose()) * 0.5;
+    let turned = Cholesky::new(N.clone()).map(|factor| W.transpose() * factor.solve(&W));
+    let needed = turned.map_or(f64::INFINITY, |turned| (N + turned).symmetric_eigenvalues().max());
+    let is_followed = following > needed;
+    if !is_followed {
+        return Err(AdmissionError::Following { system: i, following, needed });
     }
     Ok(())
 }

@@ -3,8 +3,11 @@
 //!
 //! Every file of the folder is a shape (m): recordings to learn from, recordings that were held out, and what
 //! other programs make of their starts. Prints a JSON object a line for each shape and method: errors of
-//! all by the same code, and of the stable field besides what its certificate says and where it leads after
-//! a push.
+//! all by the same code, of ours besides where they lead after a push, and of the stable field what its certificate
+//! says.
+
+mod pushes;
+mod time_driven;
 
 use std::error::Error;
 use std::fs;
@@ -18,13 +21,13 @@ use imitation::stable::{self, StableField, StableOptions};
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
+use pushes::{N_PUSHES, Push, Pushed, pushed, pushes};
+use time_driven::{Fit, TimeDriven, on_one_clock};
+
 /// A motion has arrived when it is as near to its end as this, m.
 const ARRIVED: f64 = 0.002;
 /// Points for the distance by warping.
 const N_WARPED: usize = 150;
-/// Pushes a shape, and how far, m.
-const N_PUSHES: usize = 10;
-const PUSH: f64 = 0.2;
 /// Step of the integration, s, and how long a motion may take, in durations of the recordings.
 const PERIOD_S: f64 = 0.005;
 const PATIENCE: f64 = 3.0;
@@ -64,6 +67,8 @@ struct Errors<'a> {
     /// Share of the motions that arrive.
     arrived: f64,
     #[serde(flatten)]
+    pushed: Option<Pushed>,
+    #[serde(flatten)]
     proof: Option<Proof>,
 }
 
@@ -75,9 +80,8 @@ struct Proof {
     margin: f64,
     /// 1/s: the driven motion is certified from this damping on.
     damping: f64,
-    /// Share of the pushed motions that arrive, ẋ = f(x) and ẍ = λ(f(x) − ẋ), and how long the slowest
-    /// of both takes, in durations of the recordings.
-    pushed_arrived: f64,
+    /// Share of the pushed motions that arrive as ẍ = λ(f(x) − ẋ), and how long the slowest takes, with this law
+    /// or as ẋ = f(x), in durations of the recordings.
     pushed_arrived_driven: f64,
     pushed_slowest: f64,
 }
@@ -105,9 +109,18 @@ fn main() -> Result<(), Box<dyn Error>> {
                 field.motion(&start, PATIENCE * r.duration_s(), PERIOD_S)
             })
             .collect();
+        let pushes = pushes(&motions);
         let mut errors = errors(&name, "stable field", fit_s, &test, &motions);
-        errors.proof = Some(proof(&field, &test, &motions)?);
+        let patience_s = PATIENCE_PUSHED * longest_s(&test);
+        let go_on = |start: &DVector<f64>, _| field.motion(start, patience_s, PERIOD_S);
+        let target = &field.certificate.target;
+        errors.pushed = Some(pushed(&pushes, &motions, target, longest_s(&test), go_on));
+        errors.proof = Some(proof(&field, &test, &pushes)?);
         println!("{}", serde_json::to_string(&errors)?);
+        for fit in [TimeDriven::springs, TimeDriven::dmp, TimeDriven::gmr] {
+            let errors = time_driven(&name, fit, &train, &test, &pushes)?;
+            println!("{}", serde_json::to_string(&errors)?);
+        }
         for Reproductions { method, fit_s, paths } in &shape.reproductions {
             let motions: Vec<DMatrix<f64>> = paths.iter().map(|path| matrix(path)).collect();
             let errors = self::errors(&name, method, *fit_s, &test, &motions);
@@ -115,6 +128,46 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
     }
     Ok(())
+}
+
+/// An encoding that time drives, pushed to the same places as the stable field.
+fn time_driven<'a>(
+    shape: &'a str,
+    fit: Fit,
+    train: &[Recording],
+    test: &[Recording],
+    pushes: &[Push],
+) -> Result<Errors<'a>, Box<dyn Error>> {
+    let began = Instant::now();
+    let aligned = on_one_clock(train)?;
+    let encoding = fit(&aligned).map_err(|error| format!("{shape}: {error}"))?;
+    let fit_s = began.elapsed().as_secs_f64();
+    let duration_s = aligned[0].duration_s();
+    let motions: Vec<DMatrix<f64>> = test
+        .iter()
+        .map(|r| {
+            let start = r.points.column(0).clone_owned();
+            encoding.motion(&start, 0.0, duration_s, PATIENCE * r.duration_s())
+        })
+        .collect();
+    let mut errors = errors(shape, encoding.name, fit_s, test, &motions);
+    let ends: DVector<f64> = train.iter().map(end).sum();
+    let pushes: Vec<Push> =
+        pushes.iter().enumerate().map(|(k, push)| push.of(k, &motions)).collect();
+    let patience_s = PATIENCE_PUSHED * longest_s(test);
+    let target = ends / train.len() as f64;
+    errors.pushed = Some(pushed(&pushes, &motions, &target, duration_s, |start, from_s| {
+        encoding.motion(start, from_s, duration_s, patience_s)
+    }));
+    Ok(errors)
+}
+
+fn end(recording: &Recording) -> DVector<f64> {
+    recording.points.column(recording.n_points() - 1).clone_owned()
+}
+
+fn longest_s(recordings: &[Recording]) -> f64 {
+    recordings.iter().map(Recording::duration_s).fold(0.0, f64::max)
 }
 
 fn recordings(kind: &str, all: &[Points]) -> Result<Vec<Recording>, Box<dyn Error>> {
@@ -138,11 +191,18 @@ fn errors<'a>(
     motions: &[DMatrix<f64>],
 ) -> Errors<'a> {
     let n = motions.len() as f64;
-    let mut errors =
-        Errors { shape, method, fit_s, area_cm2: 0.0, distance_mm: 0.0, arrived: 0.0, proof: None };
+    let mut errors = Errors {
+        shape,
+        method,
+        fit_s,
+        area_cm2: 0.0,
+        distance_mm: 0.0,
+        arrived: 0.0,
+        pushed: None,
+        proof: None,
+    };
     for (recording, motion) in recordings.iter().zip(motions) {
-        let end = recording.points.column(recording.n_points() - 1).clone_owned();
-        let arrival = arrival(motion, &end);
+        let arrival = arrival(motion, &end(recording));
         let motion = motion.columns(0, arrival.unwrap_or(motion.ncols() - 1) + 1).clone_owned();
         errors.area_cm2 += 1e4 * swept_area(&recording.points, &motion) / n;
         let warp = warp(
@@ -160,11 +220,11 @@ fn arrival(motion: &DMatrix<f64>, end: &DVector<f64>) -> Option<usize> {
     motion.column_iter().position(|x| (x - end).norm() < ARRIVED)
 }
 
-/// Pushes from places along the motions in directions that go round, held until at rest, and let go.
+/// What the certificate says, and pushed motions driven by the law of the loop.
 fn proof(
     field: &StableField,
     test: &[Recording],
-    motions: &[DMatrix<f64>],
+    pushes: &[Push],
 ) -> Result<Proof, Box<dyn Error>> {
     let certificate = &field.certificate;
     let axes = certificate.P.symmetric_eigenvalues();
@@ -172,28 +232,20 @@ fn proof(
         stretch: (axes.max() / axes.min()).sqrt(),
         margin: certificate.check(&field.systems)?,
         damping: certificate.damping(&field.systems)?,
-        pushed_arrived: 0.0,
         pushed_arrived_driven: 0.0,
         pushed_slowest: 0.0,
     };
-    let longest = test.iter().map(Recording::duration_s).fold(0.0, f64::max);
-    for push in 0..N_PUSHES {
-        let path = resampled_by_length(&motions[push % motions.len()], N_PUSHES + 1);
-        let angle = 2.4 * push as f64;
-        let off = DVector::from_vec(vec![PUSH * angle.cos(), PUSH * angle.sin()]);
-        let start = path.column(push) + off;
-        let lambda = StableOptions::default().damping;
-        let patience_s = PATIENCE_PUSHED * longest;
-        let count = |motion: DMatrix<f64>, arrived: &mut f64, slowest: &mut f64| {
-            if let Some(k) = arrival(&motion, &certificate.target) {
-                *arrived += 1.0 / N_PUSHES as f64;
-                *slowest = slowest.max(k as f64 * PERIOD_S / longest);
-            }
-        };
-        let slowest = &mut proof.pushed_slowest;
-        count(field.motion(&start, patience_s, PERIOD_S), &mut proof.pushed_arrived, slowest);
-        let driven = field.driven(&start, lambda, patience_s, PERIOD_S);
-        count(driven, &mut proof.pushed_arrived_driven, slowest);
+    let longest_s = longest_s(test);
+    let patience_s = PATIENCE_PUSHED * longest_s;
+    let lambda = StableOptions::default().damping;
+    for push in pushes {
+        let driven = field.driven(&push.to, lambda, patience_s, PERIOD_S);
+        let arrived = arrival(&driven, &certificate.target);
+        proof.pushed_arrived_driven += f64::from(arrived.is_some()) / N_PUSHES as f64;
+        let free = arrival(&field.motion(&push.to, patience_s, PERIOD_S), &certificate.target);
+        for k in [arrived, free].into_iter().flatten() {
+            proof.pushed_slowest = proof.pushed_slowest.max(k as f64 * PERIOD_S / longest_s);
+        }
     }
     Ok(proof)
 }
