@@ -159,3 +159,45 @@ fn record_of(tick: &Tick, n_joints: usize) -> Result<(TickRecord, Scope)> {
 fn fill(into: &mut [f64], values: &[f32]) {
     into.iter_mut().zip(values).for_each(|(into, value)| *into = f64::from(*value));
 }
+
+#[cfg(test)]
+mod tests {
+    use shm_types::telemetry::TelemetryTick;
+
+    use super::*;
+    use crate::record::recorder::{Limits, Recorder};
+    use crate::record::{attachments, scribe};
+
+    /// A recording of a few ticks in `folder`.
+    fn recording(folder: &Path) -> std::path::PathBuf {
+        let (config, path) = (Config::default(), folder.join("c.mcap"));
+        let limits = Limits { max_bytes: u64::MAX, by_rollout: false, object_always: true };
+        let attachments = attachments(&config).unwrap();
+        let mut recorder =
+            Recorder::new(scribe(&config).unwrap(), &path, limits, attachments).unwrap();
+        for at_ns in [0, 1_000_000] {
+            recorder.tick(&TelemetryTick::ZERO, at_ns).unwrap();
+        }
+        recorder.finish().unwrap();
+        path
+    }
+
+    #[test]
+    fn a_damaged_recording_is_an_error_or_converted_and_never_more() {
+        let folder = tempfile::TempDir::new().unwrap();
+        let (path, bag) = (recording(folder.path()), folder.path().join("bag"));
+        let whole = std::fs::read(&path).unwrap();
+        assert_eq!(convert(&path, &bag, false).unwrap().messages["/joint_states"], 2);
+        let damaged = folder.path().join("damaged.mcap");
+        let mut refused = 0;
+        for at in (0..whole.len()).step_by(23) {
+            let mut bytes = whole.clone();
+            bytes[at] ^= 0xff;
+            std::fs::write(&damaged, &bytes).unwrap();
+            refused += usize::from(convert(&damaged, &bag, true).is_err());
+            std::fs::write(&damaged, &whole[..at]).unwrap();
+            assert!(convert(&damaged, &bag, true).is_err(), "cut at {at} of {}", whole.len());
+        }
+        assert!(refused > 10, "only {refused}");
+    }
+}
