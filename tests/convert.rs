@@ -10,10 +10,21 @@ use std::path::Path;
 use serde_json::Value;
 use util::Bench;
 
+fn file(bag: &Path) -> Vec<u8> {
+    let name = bag.file_name().unwrap().to_str().unwrap();
+    fs::read(bag.join(format!("{name}_0.mcap"))).unwrap()
+}
+
+/// The first message of a topic.
+fn first(bag: &Path, topic: &str) -> Vec<u8> {
+    let bytes = file(bag);
+    let mut messages = mcap::MessageStream::new(&bytes).unwrap().map(Result::unwrap);
+    messages.find(|message| message.channel.topic == topic).unwrap().data.into_owned()
+}
+
 /// Messages by topic; every channel is CDR with a ROS definition.
 fn counts(bag: &Path) -> BTreeMap<String, u64> {
-    let name = bag.file_name().unwrap().to_str().unwrap();
-    let bytes = fs::read(bag.join(format!("{name}_0.mcap"))).unwrap();
+    let bytes = file(bag);
     let mut counts = BTreeMap::new();
     for message in mcap::MessageStream::new(&bytes).unwrap() {
         let channel = message.unwrap().channel;
@@ -56,13 +67,21 @@ fn sessions_and_recordings_become_bags() {
     assert_eq!(counts(&bench.path("s/recording-ros2"))["/joint_states"], n_records);
 }
 
-/// A pan that is fixed to a link by `[plant.pan]` has a frame of its own.
+/// A pan that `[plant.pan]` mounts is no link of the URDF, and has a frame all the same.
 #[test]
-fn an_arm_with_another_pan_is_converted() {
+fn a_pan_of_the_configuration_has_a_frame() {
     let bench = Bench::new();
-    bench.ok(&["learn", "pancake", "--arm", "panda", "--rollouts", "1", "--out", "s"]);
-    bench.ok(&["convert", "s", "--ros2", "-o", "deep/panda"]);
-    assert!(counts(&bench.path("deep/panda"))["/tf"] > 50);
+    let (bare, _) =
+        include_str!("../robots/wam7/wam7_pan.urdf").split_once("<link name=\"pan\">").unwrap();
+    bench.write("bare.urdf", &format!("{bare}</robot>"));
+    let pan = "pan = { mass_kg = 0.5, xyz_m = [0, 0, 0.3], rpy_rad = [0, -1.570796, 0] }";
+    bench.write("c.toml", &format!("[plant]\narm = \"bare.urdf\"\ntip = \"flange\"\n{pan}\n"));
+    bench.ok(&["learn", "pancake", "--config", "c.toml", "--rollouts", "1", "--out", "s"]);
+    bench.ok(&["convert", "s", "--ros2", "-o", "deep/mounted"]);
+    let fixed = first(&bench.path("deep/mounted"), "/tf_static");
+    // The strings of its parent and its own name, as CDR writes them.
+    let holds = |name: &[u8]| fixed.windows(name.len()).any(|bytes| bytes == name);
+    assert!(holds(b"\x07\0\0\0flange\0") && holds(b"\x04\0\0\0pan\0"), "{fixed:?}");
 }
 
 #[test]
