@@ -3,6 +3,7 @@
 pub mod arm;
 pub mod bench;
 pub mod child;
+pub mod convert;
 pub mod demo;
 pub mod doctor;
 pub mod judge;
@@ -61,6 +62,8 @@ pub enum Verb {
     Record(record::RecordArgs),
     /// Run a trial of a session again, bit for bit, and record it
     Replay(record::ReplayArgs),
+    /// Write a recording, or a trial of a session, as a ROS 2 bag
+    Convert(convert::ConvertArgs),
     /// Make demonstrations from recordings, and give one more to a session
     Demo(demo::DemoArgs),
     /// Check the URDF of an arm and make its configuration

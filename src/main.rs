@@ -33,6 +33,7 @@ mod reload;
 mod report;
 mod resume;
 mod robots;
+mod ros2;
 mod session_folder;
 mod setup;
 mod signals;
@@ -71,6 +72,7 @@ fn main() -> ExitCode {
         Verb::Watch(args) => commands::watch::run(args),
         Verb::Record(args) => commands::record::run(args),
         Verb::Replay(args) => commands::replay::run(args),
+        Verb::Convert(args) => commands::convert::run(args),
         Verb::Demo(args) => commands::demo::run(args),
         Verb::Arm(args) => commands::arm::run(args),
         Verb::Plant(args) => commands::plant::run(args),

@@ -13,7 +13,7 @@ use util::document::{Document, Line, arguments, as_typed, commands, documents};
 use util::{Bench, Running, eventually};
 
 /// Tools of others, which documents may name and this test does not run.
-const OTHER_TOOLS: [&str; 6] = ["cargo", "sudo", "python3", "pip", "man", "cd"];
+const OTHER_TOOLS: [&str; 7] = ["cargo", "sudo", "python3", "pip", "man", "cd", "ros2"];
 
 /// Where a command that is not run here is tested instead. Everything else is run.
 fn tested_elsewhere(arguments: &[&str]) -> Option<&'static str> {

@@ -18,7 +18,7 @@ const NO_CONTROLLER: i32 = 3;
 /// controller, the cell `none` has not.
 type Row = (&'static str, &'static [(i32, &'static str)]);
 
-const ROWS: [Row; 48] = [
+const ROWS: [Row; 49] = [
     ("learn", &[(DONE, "pancake --rollouts 2 --out l"), (ERROR, "pancake --config absent.toml")]),
     ("controller", &[(ERROR, "--cell c1"), (ERROR, "--cell UP"), (ERROR, "--config absent.toml")]),
     ("learner", &[(DONE, "--cell c1 --session s"), (ERROR, "--session l2 --config absent.toml")]),
@@ -83,6 +83,19 @@ const ROWS: [Row; 48] = [
         ],
     ),
     ("replay", &[(DONE, "s"), (DONE, "s --all"), (ERROR, "nowhere"), (ERROR, "s --trial 99")]),
+    (
+        "convert",
+        &[
+            (DONE, "s --ros2"),
+            // The bag of the line above is in the way.
+            (ERROR, "s --ros2"),
+            (DONE, "s --ros2 --force"),
+            (ERROR, "s"),
+            (ERROR, "nowhere --ros2"),
+            (ERROR, "s --ros2 --trial 99 -o bag"),
+            (ERROR, "s/session.toml --ros2"),
+        ],
+    ),
     (
         "arm check",
         &[

@@ -11,7 +11,7 @@ use std::process::Command;
 use serde_json::Value;
 use util::{Bench, eventually, stderr};
 
-/// An interpreter with `package`, if there is one.
+/// An interpreter with `package`, if there is one; several are set apart by commas.
 fn python_with(package: &str) -> Option<String> {
     let named = std::env::var("SKILLET_PYTHON").ok();
     let python = named.clone().unwrap_or_else(|| "python3".into());
@@ -47,6 +47,56 @@ fn the_reference_reader_reads_a_recording() {
     assert_eq!(read["rewards"][1], trials[1].reward);
     assert_eq!(read["frames"].as_array().unwrap().len(), 9, "seven joints, pan and pancake");
     assert_eq!(read["attachments"], serde_json::json!(["arm.urdf", "session.toml"]));
+}
+
+/// What `tests/read_bag.py` says of `bag` after comparing it with `recording`.
+fn read_bag(python: &str, bag: &Path, recording: &Path, more: &[&str]) -> Value {
+    let mut command = Command::new(python);
+    command.arg(script("tests/read_bag.py")).arg(bag).arg(recording).args(more);
+    let output = command.output().unwrap();
+    assert!(output.status.success(), "{}", stderr(&output));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+#[test]
+fn readers_of_ros_2_bags_read_what_was_converted() {
+    let Some(python) = python_with("rosbags, mcap_ros2, mcap_protobuf") else { return };
+    let bench = Bench::new();
+    bench.ok(&["learn", "pancake", "--rollouts", "3", "--out", "s", "--record"]);
+    bench.ok(&["convert", "s/recording.mcap", "--ros2", "-o", "flips"]);
+    let read = read_bag(&python, &bench.path("flips"), &bench.path("s/recording.mcap"), &[]);
+    let trials = bench.trials("s");
+    let n_records: u64 = trials.iter().map(|trial| trial.n_records).sum();
+    for topic in ["/joint_states", "/skillet/pose", "/skillet/pose_desired", "/skillet/wrench"] {
+        assert_eq!(read["counts"][topic], n_records, "{topic}");
+    }
+    assert_eq!(read["types"]["/joint_states"], "sensor_msgs/msg/JointState");
+    assert!(read["gap_m"].as_f64().unwrap() < 1e-9, "/tf leads to /skillet/pose: {read}");
+    let chain: Vec<&str> =
+        read["chain"].as_array().unwrap().iter().flat_map(Value::as_str).collect();
+    assert_eq!((chain[0], *chain.last().unwrap()), ("pan", "base"), "links of the URDF");
+    assert_eq!(read["objects"], serde_json::json!(["pancake"]));
+    assert_eq!(read["is_described"], true);
+    assert!(read["desired_gap_m"].as_f64().unwrap() > 0.01, "the spring pulls: {read}");
+    let force = read["force_n"].as_f64().unwrap();
+    assert!((10.0..1000.0).contains(&force), "{force} N at the tip");
+    let events = read["events"].as_array().unwrap();
+    let of = |kind: &str| events.iter().filter(|e| e["event"] == kind).cloned().collect::<Vec<_>>();
+    for (i, trial) in trials.iter().enumerate() {
+        assert_eq!(of("policy")[i]["policy_digest"], format!("{:016x}", trial.policy_digest));
+        assert_eq!(of("outcome")[i]["n_records"], trial.n_records);
+        assert_eq!(of("trial")[i]["reward"], trial.reward);
+        let apex = trial.measures.get("apex_m").unwrap();
+        assert_eq!(of("measures")[i]["measures"]["apex_m"], apex);
+    }
+
+    // A trial of the session, run again; a recording of it is rounded.
+    bench.ok(&["convert", "s", "--ros2", "--trial", "2"]);
+    bench.ok(&["replay", "s", "--trial", "2"]);
+    let (bag, recording) = (bench.path("s/trial-2-ros2"), bench.path("s/replay-2.mcap"));
+    let read = read_bag(&python, &bag, &recording, &["--rounded"]);
+    assert_eq!(read["counts"]["/joint_states"], trials[1].n_records);
+    assert_eq!(read["events"].as_array().unwrap().len(), 4);
 }
 
 #[test]

@@ -6,6 +6,8 @@
 
 mod common;
 
+use std::collections::BTreeMap;
+
 use common::OBLIQUE_ARM;
 use nalgebra::{Isometry3, Matrix3, Vector3};
 use physics::arm::urdf::{self, Payload};
@@ -65,6 +67,23 @@ fn joints_beside_the_chain_are_held_where_they_can_be_and_that_is_said_once() {
     let bare = load(OBLIQUE_ARM, &ArmSettings::default());
     let added = arm.model.bodies()[2].mass - bare.model.bodies()[2].mass;
     assert!((added - 0.3).abs() < 1e-12, "{added}");
+}
+
+#[test]
+fn the_frames_of_the_links_lead_to_the_tip_and_to_what_is_held() {
+    let arm = load(&with_gripper(), &ArmSettings::default());
+    let q = JointVector::from_column_slice(&[0.4, -0.9, 1.3, 0.0, 0.0, 0.0, 0.0]);
+    let mut poses = BTreeMap::from([(arm.links.root.as_str(), Isometry3::identity())]);
+    for frame in &arm.links.frames {
+        let parent = poses[frame.parent.as_str()];
+        poses.insert(&frame.link, parent * frame.pose(&q));
+    }
+    let gap = kinematics::tip_pose(&arm.model, &q).inverse() * poses["tool"];
+    assert!(gap.translation.vector.norm() + gap.rotation.angle() < 1e-7, "{gap}");
+    let left = poses["tool"].inverse() * poses["left"];
+    assert!((left.translation.vector - Vector3::new(0.0, 0.01, 0.05)).norm() < 1e-12, "{left}");
+    let moving = arm.links.frames.iter().filter(|frame| frame.joint.is_some());
+    assert_eq!(moving.count(), 3);
 }
 
 #[test]

@@ -5,6 +5,7 @@ pub mod bench;
 pub mod child;
 pub mod config;
 pub mod controller;
+pub mod convert;
 pub mod demo;
 pub mod doctor;
 pub mod judge;

@@ -30,16 +30,8 @@ pub fn run(args: &ReplayArgs) -> Result<Verdict> {
     if args.all {
         return all(&store, &config, &trials, args.json);
     }
-    let wishes = store.wishes()?;
-    let rollout = args.trial.unwrap_or_else(|| best(&trials, wishes.last()));
-    let trial = trials.iter().find(|trial| trial.rollout == rollout).with_context(|| {
-        format!("{}: has no trial {rollout}, but 1..={}", args.session.display(), trials.len())
-    })?;
-    if !trial.was_executed() {
-        bail!(
-            "trial {rollout} was not executed: it was refused or set aside, see `skillet trials`"
-        );
-    }
+    let trial = chosen(&args.session, &store, &trials, args.trial)?;
+    let rollout = trial.rollout;
     let replayed = Again::of(&store, &config)?.replay(trial)?;
     let default = || folder.dir().join(format!("replay-{rollout}.mcap"));
     let path = write(&config, trial, &replayed, &args.out.clone().unwrap_or_else(default))?;
@@ -51,6 +43,29 @@ pub fn run(args: &ReplayArgs) -> Result<Verdict> {
         print(&format!("trial {rollout}: {verdict}\n{}\n", path.display()))?;
     }
     Ok(if is_same { Verdict::Done } else { Verdict::Negative })
+}
+
+/// The trial of rollout `rollout`, or the best one of the session.
+///
+/// # Errors
+/// There is none of that number, or it was not executed.
+pub(super) fn chosen<'a>(
+    session: &Path,
+    store: &Store,
+    trials: &'a [TrialRecord],
+    rollout: Option<u64>,
+) -> Result<&'a TrialRecord> {
+    let wishes = store.wishes()?;
+    let rollout = rollout.unwrap_or_else(|| best(trials, wishes.last()));
+    let trial = trials.iter().find(|trial| trial.rollout == rollout).with_context(|| {
+        format!("{}: has no trial {rollout}, but 1..={}", session.display(), trials.len())
+    })?;
+    if !trial.was_executed() {
+        bail!(
+            "trial {rollout} was not executed: it was refused or set aside, see `skillet trials`"
+        );
+    }
+    Ok(trial)
 }
 
 fn all(store: &Store, config: &Config, trials: &[TrialRecord], as_json: bool) -> Result<Verdict> {
@@ -78,18 +93,18 @@ fn all(store: &Store, config: &Config, trials: &[TrialRecord], as_json: bool) ->
 }
 
 /// A trial that was executed again.
-struct Replayed {
-    policy: PolicyMsg,
+pub(super) struct Replayed {
+    pub policy: PolicyMsg,
     measures: Measures,
     success: bool,
     reward: f64,
     fault: u64,
-    records: Vec<TickRecord>,
-    period_ns: u64,
+    pub records: Vec<TickRecord>,
+    pub period_ns: u64,
 }
 
 impl Replayed {
-    fn is_same(&self, trial: &TrialRecord) -> bool {
+    pub fn is_same(&self, trial: &TrialRecord) -> bool {
         let bits = |measures: &Measures| -> Vec<u64> {
             measures.iter().map(|measure| measure.value.to_bits()).collect()
         };
@@ -100,22 +115,36 @@ impl Replayed {
             && self.fault == trial.fault
             && self.records.len() as u64 == trial.n_records
     }
+
+    /// What an episode of it tells.
+    pub fn header(&self, trial: &TrialRecord) -> EpisodeHeader {
+        EpisodeHeader {
+            session: self.policy.session,
+            rollout: trial.rollout,
+            policy_id: trial.policy_id,
+            policy_digest: self.policy.digest,
+            period_ns: self.period_ns,
+            n_records: self.records.len() as u64,
+            fault: self.fault,
+            ..EpisodeHeader::default()
+        }
+    }
 }
 
 /// Executes trials again.
-struct Again<'a> {
+pub(super) struct Again<'a> {
     store: &'a Store,
     execute: Box<Executor>,
     judge: Judge,
 }
 
 impl Again<'_> {
-    fn of<'a>(store: &'a Store, config: &Config) -> Result<Again<'a>> {
+    pub fn of<'a>(store: &'a Store, config: &Config) -> Result<Again<'a>> {
         let judge = judging::judge(config)?.keeping(&store.meta().measures);
         Ok(Again { store, execute: executor(config)?, judge })
     }
 
-    fn replay(&mut self, trial: &TrialRecord) -> Result<Replayed> {
+    pub fn replay(&mut self, trial: &TrialRecord) -> Result<Replayed> {
         let policy = self.store.policy(trial.policy_id)?.with_context(|| {
             format!("the store lacks policy {} of trial {}", trial.policy_id, trial.rollout)
         })?;
@@ -133,16 +162,7 @@ fn write(
     replayed: &Replayed,
     path: &Path,
 ) -> Result<PathBuf> {
-    let header = EpisodeHeader {
-        session: replayed.policy.session,
-        rollout: trial.rollout,
-        policy_id: trial.policy_id,
-        policy_digest: replayed.policy.digest,
-        period_ns: replayed.period_ns,
-        n_records: replayed.records.len() as u64,
-        fault: replayed.fault,
-        ..EpisodeHeader::default()
-    };
+    let header = replayed.header(trial);
     let limits = Limits { max_bytes: u64::MAX, by_rollout: false, object_always: true };
     let attachments = record::attachments(config)?;
     let mut recorder = SessionRecorder::new(record::scribe(config)?, path, limits, attachments)?;

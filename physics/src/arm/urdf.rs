@@ -8,6 +8,7 @@ mod dynamics_check;
 mod finding;
 mod inertia;
 mod limits;
+mod links;
 mod tree;
 mod xml;
 
@@ -21,6 +22,7 @@ use super::model::{ArmModel, Body};
 pub use chain::ChainCandidate;
 use finding::Findings;
 pub use finding::{Finding, Note, UrdfError, UrdfFault, UrdfFileError};
+pub use links::{LinkFrame, LinkTree};
 use tree::Tree;
 pub use xml::decode;
 
@@ -78,6 +80,8 @@ pub struct LoadedArm {
     pub notes: Vec<Note>,
     /// The moving joints that stand still.
     pub held: Vec<HeldJoint>,
+    /// All links of the file as frames.
+    pub links: LinkTree,
 }
 
 /// Reads a file in whatever encoding it has.
@@ -175,6 +179,7 @@ fn load(text: &str, tip: &str, settings: &ArmSettings) -> Result<LoadedArm, Urdf
     }
     let limits = limits::read(&chain[..n_used], &bodies[..n_used], settings, &mut findings);
     findings.check()?;
+    let links = LinkTree::new(&tree, &chain, &positions, &mut findings);
     note_held(&held, &mut findings);
 
     let model = ArmModel {
@@ -186,7 +191,7 @@ fn load(text: &str, tip: &str, settings: &ArmSettings) -> Result<LoadedArm, Urdf
         limits,
     };
     dynamics_check::resist(&model, &chain, &mut findings)?;
-    Ok(LoadedArm { model, notes: findings.into_notes(), held })
+    Ok(LoadedArm { model, notes: findings.into_notes(), held, links })
 }
 
 /// The payload in the axes of the body whose frame its own lies in at `X_BP`.

@@ -65,6 +65,13 @@ impl TaskInertia {
         J.transpose() * force + state.bias + state.mass_matrix * qdd_posture
     }
 
+    /// F = Λ J M⁻¹ (τ − bias): what `torque` (N·m) exerts at the tip beyond holding and moving the arm,
+    /// [force N; moment N·m] in world axes. It inverts [`TaskInertia::torque`], whose posture torque does
+    /// not reach the tip.
+    pub fn force(&self, state: &ArmState, torque: &JointVector) -> Vector6<f64> {
+        self.lambda.solve(&(self.M_inv_Jt.transpose() * (torque - state.bias)))
+    }
+
     /// τ = N M q̈, with an N that does not move the tip at all: `qdd` in rad/s².
     ///
     /// τ = M q̈ − Jᵀ f with J M⁻¹ Jᵀ f = J q̈. The regularised Λ alone would leave about 10⁻³ of J q̈ at the
@@ -97,6 +104,20 @@ mod tests {
         include_str!("../../../robots/iiwa14/iiwa14_pan.urdf"),
         include_str!("../../../robots/xarm7/xarm7_pan.urdf"),
     ];
+
+    #[test]
+    fn the_force_at_the_tip_is_found_again_in_the_torque() {
+        let arm = ArmModel::from_urdf(ARMS[0], "pan").unwrap();
+        let q = JointVector::from_column_slice(&[0.1, 0.6, -0.2, 1.5, 0.1, -0.4, 0.2]);
+        let qd = JointVector::from_element(0.3);
+        let state = ArmState::new(&arm, &q, &qd);
+        let inertia = TaskInertia::new(&state).unwrap();
+        let given = Vector6::new(10.0, -4.0, 25.0, 1.0, 0.5, -0.8);
+        let posture = inertia.null_torque(&state, &JointVector::from_element(5.0));
+        let torque = state.tip.J.transpose() * given + state.bias + posture;
+        let found = inertia.force(&state, &torque);
+        assert!((found - given).norm() < 2e-2 * given.norm(), "{found}");
+    }
 
     #[test]
     fn the_torque_of_a_posture_does_not_move_the_tip() {

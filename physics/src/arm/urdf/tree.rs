@@ -16,7 +16,7 @@ pub(super) struct Tree<'a> {
     /// The joint that carries each link, by the link's name; all but the root have one.
     joint_into: HashMap<&'a str, &'a Joint>,
     /// Every link after the one that carries it.
-    order: Vec<(&'a Link, Option<&'a Joint>)>,
+    pub order: Vec<(&'a Link, Option<&'a Joint>)>,
 }
 
 /// Where a link is.
@@ -171,7 +171,11 @@ pub(super) fn joint_pose(
 }
 
 /// What a held joint at `position` (rad or m) adds to its origin.
-fn motion(joint: &Joint, position: f64, findings: &mut Findings) -> IsometryMatrix3<f64> {
+pub(super) fn motion(
+    joint: &Joint,
+    position: f64,
+    findings: &mut Findings,
+) -> IsometryMatrix3<f64> {
     let Some(axis) = joint.direction() else {
         findings.fault(joint.line, UrdfFault::InvalidAxis(joint.name.clone()));
         return IsometryMatrix3::identity();
