@@ -14,6 +14,8 @@ use crate::hot::posture::PostureMove;
 pub(crate) struct Job<P> {
     pub policy: P,
     pub policy_digest: u64,
+    /// Where the null space is drawn to in it.
+    pub posture: PostureMove,
     /// Of the session.
     pub rollout: u64,
     pub episode: EpisodeLoan,
@@ -52,7 +54,7 @@ pub(crate) struct Applied<P> {
     pub policy: P,
 }
 
-/// A posture for the null space, on its way to the loop.
+/// A posture for the rollout in progress, if that is no experiment. Those to come bring their own.
 pub(crate) struct PostureOrder {
     pub seq: u64,
     pub to: PostureMove,

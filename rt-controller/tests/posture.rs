@@ -11,14 +11,18 @@ use physics::ideal::IdealArm;
 use physics::pancake::WAM7_START_POSTURE;
 use physics::plant::Plant;
 use rt_controller::admit::admission::admit;
+use rt_controller::admit::posture::check_under;
 use rt_controller::hot::policy::Policy;
 use rt_controller::hot::posture::PostureMove;
 use rt_controller::hot::rollout::Phase;
 use rt_controller::hot::tick::{Controller, Fault};
 use rt_controller::{ControllerConfig, Pace};
 use shm_types::MAX_JOINTS;
-use shm_types::command::{COMMAND_PIN, COMMAND_POSTURE, Command};
+use shm_types::command::{
+    AT_NEXT_ROLLOUT, COMMAND_ACTIVATE, COMMAND_PIN, COMMAND_POSTURE, Command,
+};
 use shm_types::episode::TickRecord;
+use shm_types::policy::PolicyMsg;
 
 #[global_allocator]
 static ALLOCATOR: CountingAllocator = CountingAllocator;
@@ -176,6 +180,28 @@ fn a_posture_that_nobody_moved_changes_no_bit() {
     assert_eq!(same, undisturbed);
 }
 
+/// Tilts the tip by `pitch` rad and back: one way the wrist of the WAM gets close to its singularity.
+fn tilting(pitch: f64) -> PolicyMsg {
+    let mut policy = message(0.0, 200.0);
+    for component in &mut policy.components[2..5] {
+        component.attractor[3] = pitch;
+    }
+    policy.sealed()
+}
+
+#[test]
+fn a_wrist_that_would_spin_keeps_its_posture() {
+    let bench = Bench::new();
+    let check = |message: &PolicyMsg| {
+        let policy = admit(message, &bench.model, &bench.config).unwrap();
+        check_under(&policy, &aside(), &bench.model, &WAM7_START_POSTURE, &bench.config)
+    };
+    assert_eq!(check(&message(0.02, 200.0)), Ok(()));
+    assert_eq!(check(&tilting(-0.4)), Ok(()));
+    let spins = check(&tilting(0.8)).unwrap_err().to_string();
+    assert!(spins.contains("joint 7 (j7_palm_yaw) would turn 6.0 rad/s faster"), "{spins}");
+}
+
 #[test]
 fn a_cell_takes_a_posture_says_so_and_forgets_it_with_its_controller() {
     let bench = Bench::new();
@@ -210,6 +236,20 @@ fn a_cell_takes_a_posture_says_so_and_forgets_it_with_its_controller() {
             assert_eq!(reply.status.posture[2], -0.4, "what is refused changes nothing");
         }
         assert_eq!(operator.ok(order(3, 0.0, 0.0)).status.posture, [0.0; MAX_JOINTS]);
+
+        // A policy that does not agree with it is served all the same, and the posture yields.
+        operator.ok(order(1, -0.4, 0.0));
+        let spinning = operator.import(tilting(0.8));
+        operator.until("the swap before", |_| {
+            let at = AT_NEXT_ROLLOUT;
+            let swap = Command { policy_id: spinning, at, ..Command::new(COMMAND_ACTIVATE, 0) };
+            operator.ask(swap).accepted == 1
+        });
+        operator.until("a posture that yields", |status| status.posture == [0.0; MAX_JOINTS]);
+        let reply = operator.ask(order(1, -0.4, 0.0));
+        let why = reply.reason_text();
+        assert!(reply.accepted == 0 && why.contains("rad/s faster"), "{why}");
+        operator.activate(policy);
         operator.ok(order(3, 0.5, 1.0));
     });
     service.run(&mut bench.arm(), |operator| {

@@ -15,6 +15,7 @@ use crate::exchange::swap::Served;
 use crate::exchange::{Exchange, InFlight};
 use crate::executor::recording::Recording;
 use crate::fault::Fault;
+use crate::hot::posture::PostureMove;
 use crate::rings::{Done, Job};
 
 impl<P: Clone + PartialEq> Exchange<'_, P> {
@@ -310,10 +311,14 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
         is_proposal: bool,
     ) {
         self.active = true;
+        if !is_proposal {
+            self.fit_posture(&served);
+        }
         let _ = self.ports.in_loop.send_copy(served.message);
         let job = Job {
             policy: served.policy.clone(),
             policy_digest: served.message.digest,
+            posture: if is_proposal { PostureMove::NONE } else { self.posture },
             rollout: served.message.rollout,
             episode,
             swap,

@@ -19,7 +19,6 @@ use crate::executor::latch::Latch;
 use crate::executor::recording::Recording;
 use crate::fault::Fault;
 use crate::hot::policy::Policy;
-use crate::hot::posture::PostureMove;
 use crate::hot::rollout::Phase;
 use crate::hot::tick::Controller;
 use crate::rings::{Applied, Done, Ends, Job, PostureTaken};
@@ -53,8 +52,6 @@ pub(crate) struct RtLoop<'a, P: Plant> {
     undelivered: Option<Done>,
     /// Of the policy in the controller, for observers.
     policy_digest: u64,
-    /// Where the null space is drawn to in rollouts that are no experiments.
-    posture: PostureMove,
     latch: &'a Latch,
     flight: Box<FlightRecord>,
     /// Takes the ticks outside Execute and Settle.
@@ -90,7 +87,6 @@ impl<'a, P: Plant> RtLoop<'a, P> {
             running: None,
             undelivered: None,
             policy_digest: 0,
-            posture: PostureMove::NONE,
             latch,
             flight: Box::new(FlightRecord::new()),
             scratch: TickRecord::ZERO,
@@ -212,10 +208,7 @@ impl<'a, P: Plant> RtLoop<'a, P> {
         }
         if let Some(job) = self.preparing.take_if(|_| self.plant.is_ready()) {
             self.is_reset = false;
-            self.controller.move_posture(match job.is_experiment {
-                true => &PostureMove::NONE,
-                false => &self.posture,
-            });
+            self.controller.move_posture(&job.posture);
             self.controller.start(&job.policy);
             self.policy_digest = job.policy_digest;
             let recording = Recording::new(self.record_stride);
@@ -239,7 +232,6 @@ impl<'a, P: Plant> RtLoop<'a, P> {
     /// A learner's rollout is what its session says, whatever a person does to the arm's posture.
     fn move_posture_if_asked(&mut self) {
         while let Ok(order) = self.ends.postures.pop() {
-            self.posture = order.to;
             if self.running.as_ref().is_some_and(|running| !running.is_experiment) {
                 self.controller.move_posture(&order.to);
             }
