@@ -13,8 +13,9 @@ use shm_types::measures::Measures;
 use shm_types::policy::PolicyMsg;
 
 use crate::admit::admission::{admit, records_needed};
+use crate::admit::disturbance::check_under;
 use crate::admit::dry_run::dry_run;
-use crate::admit::posture::{admit_posture, check_under};
+use crate::admit::posture::admit_posture;
 use crate::config::{Alone, ControllerConfig, Pace};
 use crate::exchange::boot_id;
 use crate::exchange::setup::Setup;

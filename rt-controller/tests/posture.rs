@@ -2,6 +2,9 @@
 
 mod common;
 
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use common::heap::{CountingAllocator, operations_of};
 use common::service::Service;
 use common::{controller, message, wam};
@@ -9,9 +12,9 @@ use nalgebra::Isometry3;
 use physics::arm::{ArmModel, JointVector, kinematics};
 use physics::ideal::IdealArm;
 use physics::pancake::WAM7_START_POSTURE;
-use physics::plant::Plant;
+use physics::plant::{Measurement, Plant};
 use rt_controller::admit::admission::admit;
-use rt_controller::admit::posture::check_under;
+use rt_controller::admit::disturbance::{Disturbed, check_under};
 use rt_controller::hot::policy::Policy;
 use rt_controller::hot::posture::PostureMove;
 use rt_controller::hot::rollout::Phase;
@@ -192,14 +195,91 @@ fn tilting(pitch: f64) -> PolicyMsg {
 #[test]
 fn a_wrist_that_would_spin_keeps_its_posture() {
     let bench = Bench::new();
-    let check = |message: &PolicyMsg| {
+    let check = |message: &PolicyMsg, part: f64| -> Result<(), Disturbed> {
         let policy = admit(message, &bench.model, &bench.config).unwrap();
-        check_under(&policy, &aside(), &bench.model, &WAM7_START_POSTURE, &bench.config)
+        let to = PostureMove { offset: aside().offset * part, ..aside() };
+        check_under(&policy, &to, &bench.model, &WAM7_START_POSTURE, &bench.config)
     };
-    assert_eq!(check(&message(0.02, 200.0)), Ok(()));
-    assert_eq!(check(&tilting(-0.4)), Ok(()));
-    let spins = check(&tilting(0.8)).unwrap_err().to_string();
-    assert!(spins.contains("joint 7 (j7_palm_yaw) would turn 6.0 rad/s faster"), "{spins}");
+    assert_eq!(check(&message(0.02, 200.0), 1.0), Ok(()));
+    assert_eq!(check(&tilting(-0.4), 1.0), Ok(()));
+    let spins = check(&tilting(0.8), 1.0).unwrap_err();
+    let why = spins.to_string();
+    assert!(why.contains("joint 7 (j7_palm_yaw) would turn 6.0 rad/s faster"), "{why}");
+    // What it says would fit does, and a step more does not.
+    assert!(spins.fits > 0.0 && spins.fits < 1.0, "{why}");
+    assert!(why.ends_with(&format!("{:.2} times this offset would fit", spins.fits)), "{why}");
+    assert_eq!(check(&tilting(0.8), spins.fits), Ok(()));
+    assert!(check(&tilting(0.8), spins.fits + 0.05).is_err());
+}
+
+/// An arm whose resets the test may hold up, and the farthest that its first joint was from its start in each
+/// rollout, rad.
+struct Attended<'a> {
+    arm: IdealArm<'a>,
+    may_begin: &'a AtomicBool,
+    is_waiting: &'a AtomicBool,
+    aside: &'a Mutex<Vec<f64>>,
+}
+
+impl Plant for Attended<'_> {
+    fn is_simulated(&self) -> bool {
+        true
+    }
+
+    fn begin_reset(&mut self) {
+        self.arm.begin_reset();
+        self.aside.lock().unwrap().push(0.0);
+    }
+
+    fn is_ready(&self) -> bool {
+        let may_begin = self.may_begin.load(Ordering::Relaxed);
+        self.is_waiting.store(!may_begin, Ordering::Relaxed);
+        may_begin
+    }
+
+    fn measure(&self) -> Measurement {
+        let measured = self.arm.measure();
+        if let Some(aside) = self.aside.lock().unwrap().last_mut() {
+            *aside = aside.max((measured.q[0] - WAM7_START_POSTURE[0]).abs());
+        }
+        measured
+    }
+
+    fn apply(&mut self, tau: &JointVector) {
+        self.arm.apply(tau);
+    }
+
+    fn advance(&mut self) {
+        self.arm.advance();
+    }
+}
+
+#[test]
+fn a_posture_ordered_while_the_plant_is_put_back_is_that_of_the_rollout() {
+    let bench = Bench::new();
+    let (model, config) = (&bench.model, &bench.config);
+    let service = Service { name: "attended", model, config, pace: Pace::Max, state: None };
+    let (may_begin, is_waiting) = (AtomicBool::new(true), AtomicBool::new(false));
+    let aside = Mutex::new(Vec::new());
+    let (may_begin, is_waiting, aside) = (&may_begin, &is_waiting, &aside);
+    let mut plant = Attended { arm: bench.arm(), may_begin, is_waiting, aside };
+    let (_, n) = service.run(&mut plant, |operator| {
+        let policy = operator.import(message(0.02, 200.0));
+        operator.activate(policy);
+        operator.ok(Command::new(COMMAND_PIN, 0));
+        may_begin.store(false, Ordering::Relaxed);
+        operator.until("a reset", |_| is_waiting.load(Ordering::Relaxed));
+        let (n, served) = (aside.lock().unwrap().len(), operator.status().rollouts_served);
+        let mut posture = [0.0; MAX_JOINTS];
+        posture[0] = 0.4;
+        operator.ok(Command { posture, ..Command::new(COMMAND_POSTURE, 0) });
+        may_begin.store(true, Ordering::Relaxed);
+        operator.until("the rollout", |status| status.rollouts_served > served);
+        n
+    });
+    let aside = aside.lock().unwrap();
+    let (before, first) = (aside[n - 2], aside[n - 1]);
+    assert!(before < 0.05 && first > 0.15, "{before} and {first} rad");
 }
 
 #[test]

@@ -9,7 +9,7 @@ use nalgebra::Isometry3;
 use physics::arm::{ArmModel, JointVector, MAX_JOINTS, TipKinematics, kinematics};
 use physics::pancake::PancakeConfig;
 use rt_controller::admit::admission::admit;
-use rt_controller::admit::posture::check_under;
+use rt_controller::admit::disturbance::check_under;
 use rt_controller::hot::posture::PostureMove;
 use rt_controller::hot::rollout::Phase;
 use shm_types::episode::{EpisodeHeader, FLAG_TORQUE_CLIPPED, TickRecord};

@@ -1,18 +1,10 @@
 //! What a posture must satisfy before the null space may be drawn to it.
 
-use physics::arm::{ArmModel, JointVector, kinematics};
-use physics::ideal::IdealArm;
-use physics::plant::Plant;
-use physics::referee::Referee;
-use shm_types::episode::TickRecord;
+use physics::arm::{ArmModel, JointVector};
 use thiserror::Error;
 
 use crate::config::ControllerConfig;
-use crate::fault::Fault;
-use crate::hot::policy::Policy;
 use crate::hot::posture::{PostureMove, SPEED_MAX, shortest_s};
-use crate::hot::rollout::Phase;
-use crate::hot::tick::Controller;
 
 /// Joints that the six coordinates of the tip leave no freedom to.
 const TASK_JOINTS: usize = 6;
@@ -21,12 +13,6 @@ const TASK_JOINTS: usize = 6;
 const DURATION_MIN_S: f64 = 0.25;
 const DURATION_MAX_S: f64 = 60.0;
 const DURATION_DEFAULT_S: f64 = 1.0;
-/// What a dry run may show of a posture: how far the tip is off, m and rad, and how much faster a joint turns,
-/// rad/s. A wrist that passes close to its singularity spins, and then the least touch disturbs it; below
-/// this speed none was disturbed (docs/adr/0031-posture-moved-by-hand.md).
-const TIP_OFF_MAX_M: f64 = 5e-3;
-const TIP_OFF_MAX_RAD: f64 = 0.0175;
-const SPIN_MAX: f64 = 6.0;
 
 /// Why a posture was not admitted.
 #[derive(Debug, Error, PartialEq)]
@@ -51,19 +37,6 @@ pub enum PostureError {
          {needed_s:.2} s or more (--in)"
     )]
     Speed { joint: usize, name: String, speed: f64, needed_s: f64 },
-    #[error(
-        "dry run: at t = {t_s:.2} s joint {joint} ({name}) would turn {speed:.1} rad/s faster than without it, \
-         as a wrist does close to its singularity; at most {SPIN_MAX} is allowed. Try another direction, or \
-         serve another policy"
-    )]
-    Spin { t_s: f64, joint: usize, name: String, speed: f64 },
-    #[error(
-        "dry run: at t = {t_s:.2} s the tip would be {mm:.1} mm and {degrees:.1} degrees off, because the arm \
-         reaches a limit; 5 mm and 1 degree are allowed. Try a smaller offset or another direction"
-    )]
-    TipOff { t_s: f64, mm: f64, degrees: f64 },
-    #[error("dry run: {fault} at t = {t_s:.2} s; try a smaller offset or another direction")]
-    Fault { fault: &'static str, t_s: f64 },
 }
 
 /// Checks a posture `q0` + `offset`, rad, reached within `duration_s`, or within what it needs where that is 0:
@@ -108,74 +81,6 @@ pub fn admit_posture(
     }
     let duration_s = if duration_s > 0.0 { duration_s } else { default_s };
     Ok(PostureMove { offset: *offset, duration_s })
-}
-
-/// Checks that `policy` hardly notices the posture: executes it on two ideal arms, one of them with its posture
-/// moved, and compares them tick by tick.
-///
-/// # Errors
-/// [`PostureError::Spin`], [`PostureError::TipOff`] or [`PostureError::Fault`], whichever comes first.
-pub fn check_under(
-    policy: &Policy,
-    to: &PostureMove,
-    model: &ArmModel,
-    q0: &JointVector,
-    config: &ControllerConfig,
-) -> Result<(), PostureError> {
-    let [mut still, mut moved] =
-        [&PostureMove::NONE, to].map(|to| Rehearsal::new(policy, to, model, q0, config));
-    while still.controller.phase() != Phase::Idle && moved.controller.phase() != Phase::Idle {
-        let (still, moved) = (still.tick(), moved.tick());
-        let t_s = moved.t_s;
-        if moved.fault != Fault::None as u32 {
-            return Err(PostureError::Fault { fault: Fault::describe(moved.fault), t_s });
-        }
-        let faster = JointVector::from(moved.qd) - JointVector::from(still.qd);
-        let (i, speed) = (faster.icamax(), faster.amax());
-        if speed > SPIN_MAX {
-            let name = model.joint_names()[i].clone();
-            return Err(PostureError::Spin { t_s, joint: i + 1, name, speed });
-        }
-        let [a, b] = [still.q, moved.q].map(|q| kinematics::tip_pose(model, &q.into()));
-        let off_m = (a.translation.vector - b.translation.vector).norm();
-        let off_rad = a.rotation.angle_to(&b.rotation);
-        if off_m > TIP_OFF_MAX_M || off_rad > TIP_OFF_MAX_RAD {
-            let (mm, degrees) = (1e3 * off_m, off_rad.to_degrees());
-            return Err(PostureError::TipOff { t_s, mm, degrees });
-        }
-    }
-    Ok(())
-}
-
-/// A policy on an ideal arm.
-struct Rehearsal<'a> {
-    arm: IdealArm<'a>,
-    controller: Controller<'a>,
-}
-
-impl<'a> Rehearsal<'a> {
-    fn new(
-        policy: &Policy,
-        to: &PostureMove,
-        model: &'a ArmModel,
-        q0: &JointVector,
-        config: &ControllerConfig,
-    ) -> Rehearsal<'a> {
-        // The object has neither weight nor height there.
-        let arm = IdealArm::new(model, q0, config.period_s(), 0.0);
-        let mut controller = Controller::new(model, q0, config, &Referee::Clock);
-        controller.move_posture(to);
-        controller.start(policy);
-        Rehearsal { arm, controller }
-    }
-
-    fn tick(&mut self) -> TickRecord {
-        let mut record = TickRecord::ZERO;
-        let tau = self.controller.tick(&self.arm.measure(), &mut record);
-        self.arm.apply(&tau);
-        self.arm.advance();
-        record
-    }
 }
 
 #[cfg(test)]

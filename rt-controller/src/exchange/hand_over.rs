@@ -15,8 +15,7 @@ use crate::exchange::swap::Served;
 use crate::exchange::{Exchange, InFlight};
 use crate::executor::recording::Recording;
 use crate::fault::Fault;
-use crate::hot::posture::PostureMove;
-use crate::rings::{Done, Job};
+use crate::rings::{Done, Job, PostureOrder};
 
 impl<P: Clone + PartialEq> Exchange<'_, P> {
     /// Takes the loop's word on swaps, and tells who asked for them.
@@ -318,7 +317,7 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
         let job = Job {
             policy: served.policy.clone(),
             policy_digest: served.message.digest,
-            posture: if is_proposal { PostureMove::NONE } else { self.posture },
+            posture: PostureOrder { seq: self.posture_seq, to: self.posture },
             rollout: served.message.rollout,
             episode,
             swap,

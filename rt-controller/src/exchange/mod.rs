@@ -78,7 +78,7 @@ pub(crate) struct Exchange<'a, P> {
     pub(crate) posture: PostureMove,
     pub(crate) posture_seq: u64,
     /// Digest of the policy that it was checked with.
-    pub(crate) posture_of: u64,
+    pub(crate) posture_of: Option<u64>,
     pub(crate) commands: Commands,
     pub(crate) link: LearnerLink,
     /// Newest first.
@@ -138,7 +138,7 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
             is_rearming: false,
             posture: PostureMove::NONE,
             posture_seq: 0,
-            posture_of: 0,
+            posture_of: None,
             commands: Commands::new(),
             link: LearnerLink::new(),
             known: Vec::new(),

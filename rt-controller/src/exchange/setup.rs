@@ -8,6 +8,7 @@ use physics::arm::JointVector;
 use shm_types::policy::PolicyMsg;
 
 use crate::admit::admission::AdmissionError;
+use crate::admit::disturbance::Disturbed;
 use crate::admit::posture::PostureError;
 use crate::config::Pace;
 use crate::executor::latch::Latch;
@@ -21,7 +22,7 @@ type AdmitPosture<'a> =
     &'a dyn Fn(&JointVector, f64, &JointVector) -> Result<PostureMove, PostureError>;
 
 /// Checks that a policy hardly notices a posture.
-type CheckPosture<'a, P> = &'a dyn Fn(&P, &PostureMove) -> Result<(), PostureError>;
+type CheckPosture<'a, P> = &'a dyn Fn(&P, &PostureMove) -> Result<(), Disturbed>;
 
 pub(crate) struct Setup<'a, P> {
     /// Of this start of the controller.
