@@ -202,14 +202,15 @@ fn a_wrist_that_would_spin_keeps_its_posture() {
     };
     assert_eq!(check(&message(0.02, 200.0), 1.0), Ok(()));
     assert_eq!(check(&tilting(-0.4), 1.0), Ok(()));
-    let spins = check(&tilting(0.8), 1.0).unwrap_err();
-    let why = spins.to_string();
-    assert!(why.contains("joint 7 (j7_palm_yaw) would turn 6.0 rad/s faster"), "{why}");
+    let spins = check(&tilting(0.8), 1.0).unwrap_err().to_string();
+    assert!(spins.contains("joint 7 (j7_palm_yaw) would turn 6.0 rad/s faster"), "{spins}");
+    assert!(spins.contains("no part of this offset fits"), "{spins}");
     // What it says would fit does, and a step more does not.
-    assert!(spins.fits > 0.0 && spins.fits < 1.0, "{why}");
-    assert!(why.ends_with(&format!("{:.2} times this offset would fit", spins.fits)), "{why}");
-    assert_eq!(check(&tilting(0.8), spins.fits), Ok(()));
-    assert!(check(&tilting(0.8), spins.fits + 0.05).is_err());
+    let some = check(&tilting(-0.6), 1.0).unwrap_err();
+    assert_eq!(some.fits, 0.4);
+    assert!(some.to_string().ends_with("0.40 times this offset would fit"), "{some}");
+    assert_eq!(check(&tilting(-0.6), 0.4), Ok(()));
+    assert!(check(&tilting(-0.6), 0.45).is_err());
 }
 
 /// An arm whose resets the test may hold up, and the farthest that its first joint was from its start in each
@@ -267,6 +268,7 @@ fn a_posture_ordered_while_the_plant_is_put_back_is_that_of_the_rollout() {
         let policy = operator.import(message(0.02, 200.0));
         operator.activate(policy);
         operator.ok(Command::new(COMMAND_PIN, 0));
+        operator.until("service", |status| status.rollouts_served > 0);
         may_begin.store(false, Ordering::Relaxed);
         operator.until("a reset", |_| is_waiting.load(Ordering::Relaxed));
         let (n, served) = (aside.lock().unwrap().len(), operator.status().rollouts_served);

@@ -2,7 +2,8 @@
 //!
 //! Each policy is executed twice in every world, with the posture at its start and with the posture on its way
 //! elsewhere, and the two are compared tick by tick. The posture is moved both ways along the self-motion, and by one
-//! joint alone, each time beside what the controller says to it: `skillet posture` refuses what would disturb a policy.
+//! joint alone. Rows called admitted hold what the controller would have let pass: `skillet posture` refuses what would
+//! disturb a policy.
 
 use anyhow::Result;
 use nalgebra::Isometry3;
