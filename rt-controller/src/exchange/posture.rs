@@ -17,7 +17,8 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
     pub(crate) fn move_posture(&mut self, command: &Command) -> Result<u64, Refusal> {
         let offset = JointVector::from(command.posture);
         let to = (self.setup.admit_posture)(&offset, command.duration_s, &self.posture.offset)?;
-        let in_flight = self.in_flight.as_ref().filter(|in_flight| !in_flight.is_proposal);
+        // After a swap into it the rollout executes what is served.
+        let in_flight = self.in_flight.as_ref().filter(|it| !it.is_proposal && !it.swapped);
         let in_progress = in_flight.map(|in_flight| &in_flight.served);
         let to_come = self.serving.sent().or(self.serving.served());
         let mut checked = None;
