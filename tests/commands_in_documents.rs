@@ -31,6 +31,8 @@ fn tested_elsewhere(arguments: &[&str]) -> Option<&'static str> {
             Some("tests/people.rs")
         }
         ["demo", "add", ..] => Some("tests/people.rs"),
+        // Whether a posture fits depends on the policy that happens to be served.
+        ["posture", "--joint" | "--offset", ..] => Some("tests/posture.rs"),
         // There is no fault to end.
         ["rearm" | "hold", ..] => Some("tests/rearm.rs"),
         // It wants a terminal; the other one does not end.

@@ -14,6 +14,8 @@ use crate::hot::posture::PostureMove;
 pub(crate) struct Job<P> {
     pub policy: P,
     pub policy_digest: u64,
+    /// Where the null space is drawn to in it, unless it is an experiment or a newer order has come.
+    pub posture: PostureOrder,
     /// Of the session.
     pub rollout: u64,
     pub episode: EpisodeLoan,
@@ -52,7 +54,9 @@ pub(crate) struct Applied<P> {
     pub policy: P,
 }
 
-/// A posture for the null space, on its way to the loop.
+/// A posture for all rollouts that are no experiments, the one in progress included; the highest number is the
+/// newest.
+#[derive(Clone, Copy)]
 pub(crate) struct PostureOrder {
     pub seq: u64,
     pub to: PostureMove,

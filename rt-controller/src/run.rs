@@ -13,6 +13,7 @@ use shm_types::measures::Measures;
 use shm_types::policy::PolicyMsg;
 
 use crate::admit::admission::{admit, records_needed};
+use crate::admit::disturbance::check_under;
 use crate::admit::dry_run::dry_run;
 use crate::admit::posture::admit_posture;
 use crate::config::{Alone, ControllerConfig, Pace};
@@ -20,6 +21,8 @@ use crate::exchange::boot_id;
 use crate::exchange::setup::Setup;
 use crate::executor::arm::RtLoop;
 use crate::executor::latch::Latch;
+use crate::hot::policy::Policy;
+use crate::hot::posture::PostureMove;
 use crate::hot::tick::Controller;
 use crate::remote::expected::External;
 use crate::remote::plant::RemotePlant;
@@ -117,6 +120,8 @@ impl<'a> Start<'a> {
         let admit_posture = |offset: &JointVector, duration_s, before: &JointVector| {
             admit_posture(offset, duration_s, before, model, &q0, config)
         };
+        let check_posture =
+            |policy: &Policy, to: &PostureMove| check_under(policy, to, model, &q0, config);
         let privileged = AtomicBool::new(false);
         let latch = Latch::new();
         let alone_after = Duration::from_secs_f64(config.alone_after_s);
@@ -125,6 +130,7 @@ impl<'a> Start<'a> {
             admit: &admit,
             admit_to_serve: &admit_to_serve,
             admit_posture: &admit_posture,
+            check_posture: &check_posture,
             period_ns: config.period_ns(),
             record_ns: config.period_ns() * config.record_stride() as u64,
             pace,

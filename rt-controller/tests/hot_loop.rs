@@ -135,7 +135,8 @@ fn the_loop_touches_no_heap_in_300_000_ticks_with_swaps() {
     };
     let (summary, swaps, operations) = watch(Deed::Watch(300_000), 300_000);
     assert!(summary.ticks >= 300_000, "only {} ticks", summary.ticks);
-    assert!(swaps > 100 && summary.swaps == swaps, "{swaps} of {}", summary.swaps);
+    // Not more in as many ticks: between two of them the exchange thread tries postures on ideal arms.
+    assert!(swaps > 20 && summary.swaps == swaps, "{swaps} of {}", summary.swaps);
     assert_eq!(operations, 0, "in {} ticks with {swaps} swaps", summary.ticks);
 
     let (_, _, operations) = watch(Deed::WatchAndAllocate(1000), 1000);

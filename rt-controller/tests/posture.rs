@@ -2,6 +2,9 @@
 
 mod common;
 
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use common::heap::{CountingAllocator, operations_of};
 use common::service::Service;
 use common::{controller, message, wam};
@@ -9,16 +12,20 @@ use nalgebra::Isometry3;
 use physics::arm::{ArmModel, JointVector, kinematics};
 use physics::ideal::IdealArm;
 use physics::pancake::WAM7_START_POSTURE;
-use physics::plant::Plant;
+use physics::plant::{Measurement, Plant};
 use rt_controller::admit::admission::admit;
+use rt_controller::admit::disturbance::{Disturbed, check_under};
 use rt_controller::hot::policy::Policy;
 use rt_controller::hot::posture::PostureMove;
 use rt_controller::hot::rollout::Phase;
 use rt_controller::hot::tick::{Controller, Fault};
 use rt_controller::{ControllerConfig, Pace};
 use shm_types::MAX_JOINTS;
-use shm_types::command::{COMMAND_PIN, COMMAND_POSTURE, Command};
+use shm_types::command::{
+    AT_NEXT_ROLLOUT, COMMAND_ACTIVATE, COMMAND_PIN, COMMAND_POSTURE, Command,
+};
 use shm_types::episode::TickRecord;
+use shm_types::policy::PolicyMsg;
 
 #[global_allocator]
 static ALLOCATOR: CountingAllocator = CountingAllocator;
@@ -176,6 +183,107 @@ fn a_posture_that_nobody_moved_changes_no_bit() {
     assert_eq!(same, undisturbed);
 }
 
+/// Tilts the tip by `pitch` rad and back: one way the wrist of the WAM gets close to its singularity.
+fn tilting(pitch: f64) -> PolicyMsg {
+    let mut policy = message(0.0, 200.0);
+    for component in &mut policy.components[2..5] {
+        component.attractor[3] = pitch;
+    }
+    policy.sealed()
+}
+
+#[test]
+fn a_wrist_that_would_spin_keeps_its_posture() {
+    let bench = Bench::new();
+    let check = |message: &PolicyMsg, part: f64| -> Result<(), Disturbed> {
+        let policy = admit(message, &bench.model, &bench.config).unwrap();
+        let to = PostureMove { offset: aside().offset * part, ..aside() };
+        check_under(&policy, &to, &bench.model, &WAM7_START_POSTURE, &bench.config)
+    };
+    assert_eq!(check(&message(0.02, 200.0), 1.0), Ok(()));
+    assert_eq!(check(&tilting(-0.4), 1.0), Ok(()));
+    let spins = check(&tilting(0.8), 1.0).unwrap_err().to_string();
+    assert!(spins.contains("joint 7 (j7_palm_yaw) would turn 6.0 rad/s faster"), "{spins}");
+    assert!(spins.contains("no part of this offset fits"), "{spins}");
+    // What it says would fit does, and a step more does not.
+    let some = check(&tilting(-0.6), 1.0).unwrap_err();
+    assert_eq!(some.fits, 0.4);
+    assert!(some.to_string().ends_with("0.40 times this offset would fit"), "{some}");
+    assert_eq!(check(&tilting(-0.6), 0.4), Ok(()));
+    assert!(check(&tilting(-0.6), 0.45).is_err());
+}
+
+/// An arm whose resets the test may hold up, and the farthest that its first joint was from its start in each
+/// rollout, rad.
+struct Attended<'a> {
+    arm: IdealArm<'a>,
+    may_begin: &'a AtomicBool,
+    is_waiting: &'a AtomicBool,
+    aside: &'a Mutex<Vec<f64>>,
+}
+
+impl Plant for Attended<'_> {
+    fn is_simulated(&self) -> bool {
+        true
+    }
+
+    fn begin_reset(&mut self) {
+        self.arm.begin_reset();
+        self.aside.lock().unwrap().push(0.0);
+    }
+
+    fn is_ready(&self) -> bool {
+        let may_begin = self.may_begin.load(Ordering::Relaxed);
+        self.is_waiting.store(!may_begin, Ordering::Relaxed);
+        may_begin
+    }
+
+    fn measure(&self) -> Measurement {
+        let measured = self.arm.measure();
+        if let Some(aside) = self.aside.lock().unwrap().last_mut() {
+            *aside = aside.max((measured.q[0] - WAM7_START_POSTURE[0]).abs());
+        }
+        measured
+    }
+
+    fn apply(&mut self, tau: &JointVector) {
+        self.arm.apply(tau);
+    }
+
+    fn advance(&mut self) {
+        self.arm.advance();
+    }
+}
+
+#[test]
+fn a_posture_ordered_while_the_plant_is_put_back_is_that_of_the_rollout() {
+    let bench = Bench::new();
+    let (model, config) = (&bench.model, &bench.config);
+    let service = Service { name: "attended", model, config, pace: Pace::Max, state: None };
+    let (may_begin, is_waiting) = (AtomicBool::new(true), AtomicBool::new(false));
+    let aside = Mutex::new(Vec::new());
+    let (may_begin, is_waiting, aside) = (&may_begin, &is_waiting, &aside);
+    let mut plant = Attended { arm: bench.arm(), may_begin, is_waiting, aside };
+    let (_, n) = service.run(&mut plant, |operator| {
+        let policy = operator.import(message(0.02, 200.0));
+        operator.activate(policy);
+        operator.ok(Command::new(COMMAND_PIN, 0));
+        operator.until("service", |status| status.rollouts_served > 0);
+        may_begin.store(false, Ordering::Relaxed);
+        operator.until("a reset", |_| is_waiting.load(Ordering::Relaxed));
+        let (n, served) = (aside.lock().unwrap().len(), operator.status().rollouts_served);
+        let mut posture = [0.0; MAX_JOINTS];
+        posture[0] = 0.4;
+        operator.ok(Command { posture, ..Command::new(COMMAND_POSTURE, 0) });
+        may_begin.store(true, Ordering::Relaxed);
+        operator.until("the rollout", |status| status.rollouts_served > served);
+        n
+    });
+    let aside = aside.lock().unwrap();
+    let (before, first) = (aside[n - 2], aside[n - 1]);
+    assert!(before < 0.05 && first > 0.15, "{before} and {first} rad");
+}
+
 #[test]
 fn a_cell_takes_a_posture_says_so_and_forgets_it_with_its_controller() {
     let bench = Bench::new();
@@ -210,6 +318,20 @@ fn a_cell_takes_a_posture_says_so_and_forgets_it_with_its_controller() {
             assert_eq!(reply.status.posture[2], -0.4, "what is refused changes nothing");
         }
         assert_eq!(operator.ok(order(3, 0.0, 0.0)).status.posture, [0.0; MAX_JOINTS]);
+
+        // A policy that does not agree with it is served all the same, and the posture yields.
+        operator.ok(order(1, -0.4, 0.0));
+        let spinning = operator.import(tilting(0.8));
+        operator.until("the swap before", |_| {
+            let at = AT_NEXT_ROLLOUT;
+            let swap = Command { policy_id: spinning, at, ..Command::new(COMMAND_ACTIVATE, 0) };
+            operator.ask(swap).accepted == 1
+        });
+        operator.until("a posture that yields", |status| status.posture == [0.0; MAX_JOINTS]);
+        let reply = operator.ask(order(1, -0.4, 0.0));
+        let why = reply.reason_text();
+        assert!(reply.accepted == 0 && why.contains("rad/s faster"), "{why}");
+        operator.activate(policy);
         operator.ok(order(3, 0.5, 1.0));
     });
     service.run(&mut bench.arm(), |operator| {

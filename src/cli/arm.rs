@@ -49,7 +49,8 @@ the base moves the elbow far, a joint of the wrist hardly at all. Every rollout 
 and moves from there within --in.
 
 The offset acts while a policy is served (`skillet policy activate`, `pin`). A learner's rollouts keep the start
-posture, so that a session stays repeatable. The offset does not outlive the controller.")]
+posture, so that a session stays repeatable. The controller tries the policy with the new posture on an ideal
+arm first, and refuses a posture that would disturb it. The offset does not outlive the controller.")]
 pub struct PostureArgs {
     /// Joint to move, counted from 1 at the base; the others go to the start posture
     #[arg(long, value_name = "N", requires = "by")]

@@ -155,7 +155,7 @@ pub const STUDIES: &[Study] = &[
     table_of(
         "posture",
         "a learnt flip while the posture is moved: what the pan sees of it",
-        1,
+        2,
         posture::run_seed,
     ),
     table_of(

@@ -1,12 +1,16 @@
 //! The posture moved while a learnt flip goes on: what pan and pancake see of it.
 //!
 //! Each policy is executed twice in every world, with the posture at its start and with the posture on its way
-//! elsewhere, and the two are compared tick by tick.
+//! elsewhere, and the two are compared tick by tick. The posture is moved both ways along the self-motion, and by one
+//! joint alone. Rows called admitted hold what the controller would have let pass: `skillet posture` refuses what would
+//! disturb a policy.
 
 use anyhow::Result;
 use nalgebra::Isometry3;
 use physics::arm::{ArmModel, JointVector, MAX_JOINTS, TipKinematics, kinematics};
 use physics::pancake::PancakeConfig;
+use rt_controller::admit::admission::admit;
+use rt_controller::admit::disturbance::check_under;
 use rt_controller::hot::posture::PostureMove;
 use rt_controller::hot::rollout::Phase;
 use shm_types::episode::{EpisodeHeader, FLAG_TORQUE_CLIPPED, TickRecord};
@@ -37,9 +41,24 @@ pub fn run_seed(seed: u64) -> Result<Vec<Sample>> {
     let mut samples = Vec::new();
     for (name, offset) in cases {
         let posture = PostureMove { offset, duration_s: MOVE_S };
-        samples.extend(judge(name, &bench, &answer, &posture, seed)?);
+        let judged = judge(name, &bench, &answer, &posture, seed)?;
+        let is_admitted = is_admitted(&bench, &answer, &posture)?;
+        samples.push(Sample::rate(name, "admitted", is_admitted));
+        samples.extend(judged.iter().cloned());
+        if is_admitted {
+            let admitted = format!("{name}, admitted");
+            samples
+                .extend(judged.into_iter().map(|one| Sample { method: admitted.clone(), ..one }));
+        }
     }
     Ok(samples)
+}
+
+/// What the controller says to a posture while it serves the answer.
+fn is_admitted(bench: &Bench, (problem, theta): &Answer, to: &PostureMove) -> Result<bool> {
+    let (q0, config) = (bench.config.plant.start_posture(), &bench.config.controller);
+    let policy = admit(&bench.policy(problem, theta), &bench.arm, config)?;
+    Ok(check_under(&policy, to, &bench.arm, &q0, config).is_ok())
 }
 
 /// The direction in which the arm can move while its tip stands still: J n = 0, its largest entry 1.

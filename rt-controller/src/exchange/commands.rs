@@ -16,6 +16,7 @@ use shm_types::policy::PolicyName;
 use thiserror::Error;
 
 use crate::admit::admission::AdmissionError;
+use crate::admit::disturbance::Disturbed;
 use crate::admit::posture::PostureError;
 use crate::disk::catalogue::CatalogueError;
 use crate::disk::state_file::Remember;
@@ -40,6 +41,8 @@ pub(crate) enum Refusal {
     Swap(#[from] SwapRefused),
     #[error(transparent)]
     Posture(#[from] PostureError),
+    #[error(transparent)]
+    Disturbed(#[from] Disturbed),
     #[error(
         "the loop has not taken the postures before this one yet: repeat the command in a moment"
     )]

@@ -15,7 +15,7 @@ use crate::exchange::swap::Served;
 use crate::exchange::{Exchange, InFlight};
 use crate::executor::recording::Recording;
 use crate::fault::Fault;
-use crate::rings::{Done, Job};
+use crate::rings::{Done, Job, PostureOrder};
 
 impl<P: Clone + PartialEq> Exchange<'_, P> {
     /// Takes the loop's word on swaps, and tells who asked for them.
@@ -310,10 +310,14 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
         is_proposal: bool,
     ) {
         self.active = true;
+        if !is_proposal {
+            self.fit_posture(&served);
+        }
         let _ = self.ports.in_loop.send_copy(served.message);
         let job = Job {
             policy: served.policy.clone(),
             policy_digest: served.message.digest,
+            posture: PostureOrder { seq: self.posture_seq, to: self.posture },
             rollout: served.message.rollout,
             episode,
             swap,

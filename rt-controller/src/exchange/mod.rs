@@ -73,9 +73,12 @@ pub(crate) struct Exchange<'a, P> {
     /// The machine fault that holds the arm, and whether the loop was asked to re-arm.
     pub(crate) latched: Option<Latched>,
     pub(crate) is_rearming: bool,
-    /// The newest one that was sent to the loop, and its number. Not remembered over a restart.
+    /// Where the null space is drawn to in served rollouts, and the number of the order. Not remembered over a
+    /// restart.
     pub(crate) posture: PostureMove,
     pub(crate) posture_seq: u64,
+    /// Digest of the policy that it was checked with.
+    pub(crate) posture_of: Option<u64>,
     pub(crate) commands: Commands,
     pub(crate) link: LearnerLink,
     /// Newest first.
@@ -135,6 +138,7 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
             is_rearming: false,
             posture: PostureMove::NONE,
             posture_seq: 0,
+            posture_of: None,
             commands: Commands::new(),
             link: LearnerLink::new(),
             known: Vec::new(),
@@ -255,7 +259,8 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
         if !self.setup.can_swap {
             return; // it becomes the next rollout
         }
-        if let Some((seq, to)) = self.serving.swap_now() {
+        if let Some((seq, to)) = self.serving.swap_now().map(|(seq, to)| (seq, to.clone())) {
+            self.fit_posture(&to);
             let _ = self.ports.in_loop.send_copy(to.message);
             let policy_digest = to.message.digest;
             let swap = Swap { seq, policy: to.policy.clone(), policy_digest };

@@ -151,6 +151,12 @@ impl<P: PartialEq> Serving<P> {
         Some((swap.seq, &swap.to))
     }
 
+    /// The policy of a swap that the loop has been sent.
+    pub fn sent(&self) -> Option<&Arc<Served<P>>> {
+        let swap = self.swap.as_ref().filter(|swap| swap.stage != Stage::Waiting)?;
+        Some(&swap.to)
+    }
+
     /// What the next rollout executes. `learner_waits`: a proposal is there; `alone`: no learner is,
     /// and the configuration wants service nevertheless.
     pub fn next(&mut self, learner_waits: bool, alone: bool) -> Next<P> {

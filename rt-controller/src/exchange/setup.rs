@@ -8,6 +8,7 @@ use physics::arm::JointVector;
 use shm_types::policy::PolicyMsg;
 
 use crate::admit::admission::AdmissionError;
+use crate::admit::disturbance::Disturbed;
 use crate::admit::posture::PostureError;
 use crate::config::Pace;
 use crate::executor::latch::Latch;
@@ -20,6 +21,9 @@ type Admit<'a, P> = &'a dyn Fn(&PolicyMsg) -> Result<(P, usize), AdmissionError>
 type AdmitPosture<'a> =
     &'a dyn Fn(&JointVector, f64, &JointVector) -> Result<PostureMove, PostureError>;
 
+/// Checks that a policy hardly notices a posture.
+type CheckPosture<'a, P> = &'a dyn Fn(&P, &PostureMove) -> Result<(), Disturbed>;
+
 pub(crate) struct Setup<'a, P> {
     /// Of this start of the controller.
     pub boot_id: u64,
@@ -28,6 +32,7 @@ pub(crate) struct Setup<'a, P> {
     /// Of a policy that is to be served: with the dry run.
     pub admit_to_serve: Admit<'a, P>,
     pub admit_posture: AdmitPosture<'a>,
+    pub check_posture: CheckPosture<'a, P>,
     pub period_ns: u64,
     /// Time between two records.
     pub record_ns: u64,

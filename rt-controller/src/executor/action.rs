@@ -52,6 +52,7 @@ pub fn run_action<W: ActionWorld + ?Sized>(
         // There is no torque and no way to come to harm.
         admit_to_serve: &admit,
         admit_posture: &|_, _, _| Err(PostureError::NoArm),
+        check_posture: &|_, _| Ok(()),
         period_ns: PERIOD_NS,
         record_ns: PERIOD_NS,
         pace: Pace::Max,

@@ -22,7 +22,7 @@ use crate::hot::policy::Policy;
 use crate::hot::posture::PostureMove;
 use crate::hot::rollout::Phase;
 use crate::hot::tick::Controller;
-use crate::rings::{Applied, Done, Ends, Job, PostureTaken};
+use crate::rings::{Applied, Done, Ends, Job, PostureOrder, PostureTaken};
 use crate::rt::{Clock, Wake, now_ns};
 
 /// How long an unpaced loop sleeps while there is nothing to do.
@@ -53,8 +53,8 @@ pub(crate) struct RtLoop<'a, P: Plant> {
     undelivered: Option<Done>,
     /// Of the policy in the controller, for observers.
     policy_digest: u64,
-    /// Where the null space is drawn to in rollouts that are no experiments.
-    posture: PostureMove,
+    /// The newest one, for rollouts that are no experiments.
+    posture: PostureOrder,
     latch: &'a Latch,
     flight: Box<FlightRecord>,
     /// Takes the ticks outside Execute and Settle.
@@ -90,7 +90,7 @@ impl<'a, P: Plant> RtLoop<'a, P> {
             running: None,
             undelivered: None,
             policy_digest: 0,
-            posture: PostureMove::NONE,
+            posture: PostureOrder { seq: 0, to: PostureMove::NONE },
             latch,
             flight: Box::new(FlightRecord::new()),
             scratch: TickRecord::ZERO,
@@ -212,9 +212,13 @@ impl<'a, P: Plant> RtLoop<'a, P> {
         }
         if let Some(job) = self.preparing.take_if(|_| self.plant.is_ready()) {
             self.is_reset = false;
+            // An order may have come after this job, and a full ring may have taken none before it.
+            if job.posture.seq > self.posture.seq {
+                self.posture = job.posture;
+            }
             self.controller.move_posture(match job.is_experiment {
                 true => &PostureMove::NONE,
-                false => &self.posture,
+                false => &self.posture.to,
             });
             self.controller.start(&job.policy);
             self.policy_digest = job.policy_digest;
@@ -239,9 +243,11 @@ impl<'a, P: Plant> RtLoop<'a, P> {
     /// A learner's rollout is what its session says, whatever a person does to the arm's posture.
     fn move_posture_if_asked(&mut self) {
         while let Ok(order) = self.ends.postures.pop() {
-            self.posture = order.to;
-            if self.running.as_ref().is_some_and(|running| !running.is_experiment) {
-                self.controller.move_posture(&order.to);
+            if order.seq > self.posture.seq {
+                self.posture = order;
+                if self.running.as_ref().is_some_and(|running| !running.is_experiment) {
+                    self.controller.move_posture(&order.to);
+                }
             }
             let (seq, tick, at_ns) = (order.seq, self.controller.tick_number(), now_ns());
             // Never full: as many places as orders.

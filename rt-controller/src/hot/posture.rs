@@ -25,6 +25,11 @@ pub struct PostureMove {
 impl PostureMove {
     /// To the start posture, where nobody has moved anything.
     pub const NONE: PostureMove = PostureMove { offset: ZERO, duration_s: 1.0 };
+
+    /// It leads to the start posture.
+    pub fn is_none(&self) -> bool {
+        self.offset == ZERO
+    }
 }
 
 /// The offset at a time, rad, and its derivatives, rad/s and rad/s².
@@ -78,9 +83,9 @@ impl PosturePath {
         let (T, to) = (self.takes_s, self.to.offset);
         let s = (t_s - self.left_s) / T;
         if s >= 1.0 {
-            return (to != ZERO).then_some(Offset { q: to, ..Offset::NONE });
+            return (!self.to.is_none()).then_some(Offset { q: to, ..Offset::NONE });
         }
-        if self.from == Offset::NONE && to == ZERO {
+        if self.from == Offset::NONE && self.to.is_none() {
             return None;
         }
         let (q, v, a) = (self.from.q, self.from.qd * T, self.from.qdd * (T * T));
