@@ -84,6 +84,12 @@ impl Learner {
         let config = meta.learner.clone();
         let mut store = Store::create(&directory.join(SESSION_FILE), meta, &initial)?;
         store.record_event("created", source)?;
+        if config.n_components.number().is_none() {
+            let said =
+                format!("the Bayesian information criterion chose {} components", policy.n_systems);
+            tracing::info!("{said}");
+            store.record_event("components", &said)?;
+        }
         let (history, trials) = (store.history()?, Vec::new());
         let (search, telling) = replay(&config, &problem, &history, &trials, &mut |_| {})?;
         let replayed = Replayed { problem, search, telling, history, trials };

@@ -24,6 +24,7 @@ const AS_IT_IS: Options = Options {
     slow: 1.0,
     at_start: None,
     columns: Vec::new(),
+    orientation: Orientation::Vector,
 };
 
 fn import(file: &str, text: &str, model: &ArmModel, options: &Options) -> Result<Imported> {
