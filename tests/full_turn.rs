@@ -21,7 +21,8 @@ const DURATION_S: f64 = 3.3;
 /// `settings` of the learner for an arm that starts turned by more than a rotation vector should be.
 fn configuration(settings: &str) -> String {
     format!(
-        "[task]\nname = \"custom\"\ndemonstration = \"turn.csv\"\n[controller]\nsettle_s = 0.6\n[plant]\narm = \"arm.urdf\"\ntip = \"pan\"\n\
+        "[task]\nname = \"custom\"\ndemonstration = \"turn.csv\"\n[controller]\nsettle_s = 0.6\n\
+         [plant]\narm = \"arm.urdf\"\ntip = \"pan\"\n\
          start_posture_rad = [0.0, -1.570796, 1.570796, -1.570796, -1.570796, 2.4]\n\
          [learner]\ntask_dim = 6\nn_components = 12\n{settings}\
          [learner.exploration]\nrotation_amplitude = 0.03\n"

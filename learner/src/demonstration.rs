@@ -314,7 +314,7 @@ mod tests {
     /// A row with the quaternion of a turn by `yaw` rad, of either sign.
     fn turned(k: usize, yaw: f64) -> String {
         let (sin, cos) = (0.5 * yaw).sin_cos();
-        let sign = if k % 3 == 0 { -1.0 } else { 1.0 };
+        let sign = if k.is_multiple_of(3) { -1.0 } else { 1.0 };
         format!("{:.3},0.7,0,0.5,{},0,0,{}\n", 0.04 * k as f64, sign * cos, sign * sin)
     }
 

@@ -208,7 +208,7 @@ fn check_shown(config: &EncodingConfig, demonstrations: &[Demonstration]) -> Res
 fn placed_near(frame: &PolicyMsg, demonstrations: &[Demonstration]) -> Result<PolicyMsg, FitError> {
     let policy = placed(frame, demonstrations);
     let is_sphere = policy.orientation == Orientation::Sphere.code();
-    match too_far(&policy, demonstrations).filter(|_| is_sphere) {
+    match is_sphere.then(|| too_far(&policy, demonstrations)).flatten() {
         Some(far) => Err(far.into()),
         None => Ok(policy),
     }
