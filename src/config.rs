@@ -47,7 +47,7 @@ pub struct CellConfig {
 #[serde(deny_unknown_fields, default)]
 pub struct TaskConfig {
     pub name: String,
-    /// CSV `t_s,x_m,y_m,z_m,pitch_rad`; the built-in demonstration when absent.
+    /// CSV `t_s,x_m,y_m,z_m,pitch_rad`, or with quaternions; the built-in demonstration when absent.
     pub demonstration: Option<PathBuf>,
     /// Further ones, of other ways to do it: the search keeps a mode for each.
     pub other_demonstrations: Vec<PathBuf>,

@@ -4,7 +4,8 @@ use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 use learner::Demonstration;
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use learner::encoding::FitError;
+use nalgebra::Vector3;
 use physics::arm::urdf::{self, LoadedArm};
 use physics::arm::{ArmModel, JointVector, inverse_kinematics, kinematics};
 use rt_controller::admit::admission::records_needed;
@@ -71,11 +72,11 @@ pub fn arm(config: &Config) -> Result<ArmModel> {
         );
     }
     let turn = kinematics::tip_pose(&model, &q0).rotation.angle();
-    if turn > MAX_TURN_RAD {
+    if turn > MAX_TURN_RAD && config.learner.orientation.is_vector() {
         bail!(
             "plant.start_posture_rad turns link '{}' by {turn:.2} rad from the world's axes; task \
              rotations are rotation vectors and must stay below {MAX_TURN_RAD} rad: turn the link \
-             in the URDF, or plant.pan on it",
+             in the URDF, or plant.pan on it, or set learner.orientation = \"sphere\"",
             config.plant.tip
         );
     }
@@ -136,6 +137,7 @@ pub fn check_demonstration(
     demonstration: &Demonstration,
 ) -> Result<()> {
     check_duration(config, demonstration)?;
+    check_orientation(config, demonstration)?;
     check_reach(model, &config.plant.start_posture(), demonstration)
 }
 
@@ -178,13 +180,20 @@ fn check_duration(config: &Config, demonstration: &Demonstration) -> Result<()> 
     Ok(())
 }
 
+/// Quaternions may turn any way; what sees rotation vectors is given those.
+fn check_orientation(config: &Config, demonstration: &Demonstration) -> Result<()> {
+    if config.learner.orientation.is_vector() && !demonstration.orientation().is_vector() {
+        bail!(FitError::Quaternions { file: demonstration.file().into() });
+    }
+    Ok(())
+}
+
 /// Follows the demonstration with the arm, posture by posture, from the start posture.
 fn check_reach(model: &ArmModel, q0: &JointVector, demonstration: &Demonstration) -> Result<()> {
     let file = demonstration.file();
     let start = kinematics::tip_pose(model, q0);
     let mut q = *q0;
-    for (i, pose) in demonstration.poses().iter().enumerate() {
-        let target = isometry(pose);
+    for (i, (pose, target)) in demonstration.poses().iter().zip(demonstration.path()).enumerate() {
         if i == 0 {
             let gap = (target.translation.vector - start.translation.vector).norm();
             let turn = target.rotation.angle_to(&start.rotation);
@@ -215,15 +224,6 @@ fn check_reach(model: &ArmModel, q0: &JointVector, demonstration: &Demonstration
         })?;
     }
     Ok(())
-}
-
-/// Task pose x, y, z, pitch, roll, yaw → X_WP.
-fn isometry(pose: &learner::trajectory::Pose) -> Isometry3<f64> {
-    let rotation = Vector3::new(pose[4], pose[3], pose[5]);
-    Isometry3::from_parts(
-        Translation3::new(pose[0], pose[1], pose[2]),
-        UnitQuaternion::from_scaled_axis(rotation),
-    )
 }
 
 /// Asks the kernel to end this process when its parent, of process id `parent`, ends.

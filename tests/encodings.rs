@@ -51,6 +51,68 @@ fn a_field_of_the_state_is_learnt_where_the_movement_does_not_come_back() {
     assert!(!bench.path("toss").exists(), "nothing is begun");
 }
 
+/// What `reach` does, off by `off` mm in y in its first half.
+fn off(off: f64) -> String {
+    let reach = reach();
+    let line = |(k, line): (usize, &str)| {
+        let mut cells: Vec<String> = line.split(',').map(String::from).collect();
+        if k > 0 {
+            let y: f64 = cells[2].parse().unwrap();
+            let room = 1.0 / (1.0 + (0.2 * (k as f64 - 71.0)).exp());
+            cells[2] =
+                format!("{:.6}", y + 1e-3 * off * (0.01 + room) * (k as f64 / 30.0).min(1.0));
+        }
+        cells.join(",") + "\n"
+    };
+    reach.lines().enumerate().map(line).collect()
+}
+
+#[test]
+fn springs_begin_stiff_where_repetitions_agree() {
+    let bench = Bench::new();
+    let files = ["a.csv", "b.csv", "c.csv", "d.csv"];
+    for (file, by) in files.iter().zip([-12.0, -3.0, 4.0, 11.0]) {
+        bench.write(file, &off(by));
+    }
+    let config = |others: &str| {
+        format!(
+            "initial_stiffness = \"variability\"\ndemonstrations_are = \"repetitions\"\n[task]\n\
+             name = \"custom\"\ndemonstration = \"a.csv\"\nother_demonstrations = [{others}]\n"
+        )
+    };
+    let others = "\"b.csv\", \"c.csv\", \"d.csv\"";
+    learns(&bench, "custom", "springs", &config(others));
+    let initial = bench.store("springs").initial_policy().unwrap();
+    let of_y = |component: usize| initial.components[component].stiffness_at(1, 1);
+    assert!(of_y(2) < 200.0 && of_y(6) > 300.0, "{} {}", of_y(2), of_y(6));
+
+    let text = format!("[learner]\n{}", config("\"b.csv\""));
+    let two = bench.write("two.toml", &text);
+    let learn = ["learn", "custom", "--config", two.to_str().unwrap(), "--out", "two"];
+    bench.refused(&learn, &["b.csv: 2 recordings", "at least 3", "other_demonstrations"]);
+    assert!(!bench.path("two").exists(), "nothing is begun");
+}
+
+#[test]
+fn a_number_of_components_is_chosen_and_said() {
+    let bench = Bench::new();
+    let text = "[learner]\nencoding = \"gmr\"\nn_components = \"bic\"\n";
+    bench.write("c.toml", text);
+    let learn = ["learn", "pancake", "--config", "c.toml", "--rollouts", "2", "--out", "bic"];
+    let output = bench.run(&learn);
+    let said = util::stderr(&output);
+    assert_eq!(output.status.code(), Some(0), "{said}");
+    let chosen = bench.store("bic").initial_policy().unwrap().n_systems;
+    assert!(said.contains(&format!("the criterion chose {chosen} components")), "{said}");
+    bench.ok(&["learn", "pancake", "--rollouts", "3", "--out", "bic"]);
+    assert!(
+        bench.ok(&["config", "--config", "bic/session.toml"]).contains("n_components = \"bic\"")
+    );
+    bench.write("bad.toml", "[learner]\nn_components = \"aic\"\n");
+    let learn = ["learn", "pancake", "--config", "bad.toml", "--out", "bad"];
+    bench.refused(&learn, &["a number of components, or \"bic\""]);
+}
+
 #[test]
 fn an_encoding_needs_a_movement_and_a_file_may_not_ask_for_what_it_lacks() {
     let bench = Bench::new();

@@ -9,6 +9,7 @@ use std::sync::LazyLock;
 
 use demo::Options;
 use learner::Demonstration;
+use learner::orientation::Orientation;
 use libfuzzer_sys::fuzz_target;
 use physics::arm::{ArmModel, JointVector, kinematics};
 use skillet_fuzz::{split, wam};
@@ -28,6 +29,7 @@ fuzz_target!(|data: &[u8]| {
             0 => Vec::new(),
             _ => vec!["t_ms=1".parse().unwrap(), "x=x".parse().unwrap()],
         },
+        orientation: if how & 128 == 0 { Orientation::Vector } else { Orientation::Sphere },
     };
     match demo::import("r.csv", text, &ARM, &options) {
         Ok(imported) => drop(Demonstration::parse("out.csv", &imported.csv())),

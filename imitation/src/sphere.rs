@@ -178,8 +178,8 @@ pub fn unwrapped(vectors: &[Vector3<f64>]) -> Result<Vec<Vector3<f64>>, UnwrapEr
     Ok(path)
 }
 
-/// The rotation vector of the same rotation as `vector` that is nearest to `before`.
-fn nearest_equivalent(vector: &Vector3<f64>, before: &Vector3<f64>) -> Vector3<f64> {
+/// The rotation vector (rad) of the same rotation as `vector` that is nearest to `before`: n(θ + 2πm), m whole.
+pub fn nearest_equivalent(vector: &Vector3<f64>, before: &Vector3<f64>) -> Vector3<f64> {
     let angle = vector.norm();
     // Without a turn every axis will do, and the one before is nearest.
     let axis = if angle > NO_TURN {

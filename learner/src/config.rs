@@ -10,10 +10,11 @@ use crate::action::ActionConfig;
 use crate::activation::Activation;
 use crate::compliance::ComplianceConfig;
 use crate::demonstration::DemonstrationsAre;
-use crate::encoding::{EncodingConfig, EncodingKind};
+use crate::encoding::{Components, EncodingConfig, EncodingKind};
 use crate::exploration::{ExplorationConfig, StiffnessKind};
-use crate::initial_policy::InitialPolicyConfig;
+use crate::initial_policy::{InitialPolicyConfig, InitialStiffness};
 use crate::modes::Prefer;
+use crate::orientation::Orientation;
 use crate::parameters::{STIFFNESS_MAX, STIFFNESS_MIN, Scales};
 use crate::people::PeopleConfig;
 use crate::reward::RewardConfig;
@@ -35,9 +36,19 @@ pub struct LearnerConfig {
     pub demonstrations_are: DemonstrationsAre,
     /// Learnt coordinates: 3 (position), 4 (and pitch) or 6 (and roll, yaw).
     pub task_dim: usize,
-    pub n_components: usize,
+    /// How orientations are seen: as rotation vectors, or as rotations, which may be full turns.
+    #[serde(skip_serializing_if = "Orientation::is_vector")]
+    pub orientation: Orientation,
+    /// How many components a policy has, or how their number is chosen.
+    pub n_components: Components,
     /// κᴾ of the initial policy, s⁻².
     pub kappa_p: f64,
+    /// Where the stiffness of the initial policy is from.
+    #[serde(skip_serializing_if = "InitialStiffness::is_kappa_p")]
+    pub initial_stiffness: InitialStiffness,
+    /// Stiffness from variability lies within κᴾ divided and multiplied by this.
+    #[serde(skip_serializing_if = "is_usual_range")]
+    pub stiffness_range: f64,
     /// ζ of dampers that follow the stiffness, 2ζ Kᵢ^½; 0 for κᵛ = 2√κᴾ whatever the stiffness.
     pub damping_ratio: f64,
     pub activation: Activation,
@@ -63,6 +74,11 @@ pub struct LearnerConfig {
     pub wish: String,
 }
 
+/// It is what it was before there was a choice.
+fn is_usual_range(range: &f64) -> bool {
+    *range == InitialPolicyConfig::default().stiffness_range
+}
+
 impl Default for LearnerConfig {
     fn default() -> Self {
         let policy = InitialPolicyConfig::default();
@@ -72,8 +88,11 @@ impl Default for LearnerConfig {
             encoding: EncodingKind::default(),
             demonstrations_are: DemonstrationsAre::default(),
             task_dim: policy.task_dim,
-            n_components: policy.n_components,
+            orientation: policy.orientation,
+            n_components: policy.n_components.into(),
             kappa_p: policy.kappa_p,
+            initial_stiffness: policy.initial_stiffness,
+            stiffness_range: policy.stiffness_range,
             damping_ratio: policy.damping_ratio,
             activation: policy.activation,
             decay_rate: policy.decay_rate,
@@ -105,8 +124,9 @@ impl LearnerConfig {
         }
         let ranges = [
             range("rollouts", self.rollouts as f64, 1.0, 100_000.0),
-            range("n_components", self.n_components as f64, 1.0, MAX_COMPONENTS as f64),
+            range("n_components", self.count() as f64, 1.0, MAX_COMPONENTS as f64),
             range("kappa_p", self.kappa_p, STIFFNESS_MIN, STIFFNESS_MAX),
+            range("stiffness_range", self.stiffness_range, 1.0, 100.0),
             range("damping_ratio", self.damping_ratio, 0.0, 10.0),
             range("decay_rate", self.decay_rate, 0.01, 100.0),
             range("width_ratio", self.width_ratio, 0.1, 3.0),
@@ -123,6 +143,7 @@ impl LearnerConfig {
         check("people.", &self.people.ranges())?;
         self.action.validate()?;
         self.check_encoding()?;
+        self.check_variability()?;
         self.check_is_told_anew()?;
         self.search.validate()
     }
@@ -145,6 +166,7 @@ impl LearnerConfig {
     /// That nothing is asked of the encoding which it does not have.
     fn check_encoding(&self) -> Result<(), ConfigError> {
         let (encoding, stiffness) = (self.encoding, self.exploration.stiffness);
+        let from_variability = !self.initial_stiffness.is_kappa_p();
         let asked = [
             (
                 "compliance.weight",
@@ -171,10 +193,34 @@ impl LearnerConfig {
                 "time",
             ),
             (
+                "initial_stiffness",
+                !encoding.is_springs() && from_variability,
+                "variability".into(),
+                "kappa_p",
+            ),
+            (
                 "demonstrations_are",
-                !encoding.fits_several() && !self.demonstrations_are.is_starts(),
+                !encoding.fits_several()
+                    && !from_variability
+                    && !self.demonstrations_are.is_starts(),
                 "repetitions".into(),
-                "starts",
+                if encoding.is_springs() {
+                    "starts, or initial_stiffness = \"variability\","
+                } else {
+                    "starts"
+                },
+            ),
+            (
+                "orientation",
+                !encoding.has_activation() && !self.orientation.is_vector(),
+                "sphere".into(),
+                "rotation_vector",
+            ),
+            (
+                "n_components",
+                encoding.has_activation() && self.n_components.number().is_none(),
+                self.n_components.to_string(),
+                "a number",
             ),
         ];
         match asked.into_iter().find(|(_, is_missing, ..)| *is_missing) {
@@ -185,6 +231,34 @@ impl LearnerConfig {
                 allowed: format!("{allowed} with learner.encoding = \"{}\"", encoding.name()),
             }),
         }
+    }
+
+    /// That stiffness from variability has repetitions to come from, and bounds that θ and the controller hold.
+    fn check_variability(&self) -> Result<(), ConfigError> {
+        if self.initial_stiffness.is_kappa_p() {
+            return Ok(());
+        }
+        if self.demonstrations_are.is_starts() {
+            return Err(ConfigError::Range {
+                field: "initial_stiffness".into(),
+                value: "variability".into(),
+                allowed: "kappa_p, or demonstrations_are = \"repetitions\" of one movement, three or more".into(),
+            });
+        }
+        let (softest, stiffest) = (self.kappa_p / STIFFNESS_MIN, STIFFNESS_MAX / self.kappa_p);
+        let most = softest.min(stiffest);
+        if self.stiffness_range > most {
+            return Err(ConfigError::Range {
+                field: "stiffness_range".into(),
+                value: self.stiffness_range.to_string(),
+                allowed: format!(
+                    "1 to {most:.1} with learner.kappa_p = {}, as stiffness lies within {STIFFNESS_MIN} and \
+                     {STIFFNESS_MAX} s⁻²",
+                    self.kappa_p
+                ),
+            });
+        }
+        Ok(())
     }
 
     /// That the search can be told its trials anew where something asks for that.
@@ -210,8 +284,11 @@ impl LearnerConfig {
     pub fn initial_policy(&self) -> InitialPolicyConfig {
         InitialPolicyConfig {
             task_dim: self.task_dim,
-            n_components: self.n_components,
+            n_components: self.count(),
             kappa_p: self.kappa_p,
+            initial_stiffness: self.initial_stiffness,
+            stiffness_range: self.stiffness_range,
+            orientation: self.orientation,
             damping_ratio: self.damping_ratio,
             activation: self.activation,
             decay_rate: self.decay_rate,
@@ -221,9 +298,19 @@ impl LearnerConfig {
         }
     }
 
+    /// The number of components, or the largest there may be.
+    fn count(&self) -> usize {
+        self.n_components.number().unwrap_or(MAX_COMPONENTS)
+    }
+
     /// The part that shapes policies.
     pub fn encoding(&self) -> EncodingConfig {
-        EncodingConfig { kind: self.encoding, policy: self.initial_policy(), scales: self.scales }
+        EncodingConfig {
+            kind: self.encoding,
+            policy: self.initial_policy(),
+            components: self.n_components,
+            scales: self.scales,
+        }
     }
 
     /// That a session started with `stored` may go on with `self`: everything is equal except the
@@ -268,97 +355,4 @@ fn first_difference(
 }
 
 #[cfg(test)]
-mod tests {
-    use search::Method;
-
-    use super::*;
-
-    #[test]
-    fn defaults_are_valid_and_survive_a_round_trip() {
-        let config = LearnerConfig::default();
-        assert_eq!(config.validate(), Ok(()));
-        let text = serde_json::to_string(&config).unwrap();
-        assert_eq!(serde_json::from_str::<LearnerConfig>(&text).unwrap(), config);
-        // What a session that was stored before there was a choice does not say is off.
-        let old = LearnerConfig { compliance: ComplianceConfig::off(), ..config };
-        assert_eq!(serde_json::from_str::<LearnerConfig>("{}").unwrap(), old);
-    }
-
-    #[test]
-    fn refuses_each_bad_value_and_names_it() {
-        type Break = fn(&mut LearnerConfig);
-        let breaks: [(&str, Break); 23] = [
-            ("learner.task_dim is 5: use 3", |c| c.task_dim = 5),
-            ("learner.rollouts is 0: use 1 to 100000", |c| c.rollouts = 0),
-            ("learner.n_components is 17: use 1 to 16", |c| c.n_components = 17),
-            ("learner.kappa_p is NaN", |c| c.kappa_p = f64::NAN),
-            ("learner.damping_ratio is -1: use 0 to 10", |c| c.damping_ratio = -1.0),
-            ("learner.decay_rate is 0", |c| c.decay_rate = 0.0),
-            ("learner.width_ratio is -1", |c| c.width_ratio = -1.0),
-            ("learner.orientation_stiffness", |c| c.orientation_stiffness = -1.0),
-            ("learner.orientation_damping", |c| c.orientation_damping = f64::INFINITY),
-            ("learner.scales.position_m is 0", |c| c.scales.position_m = 0.0),
-            ("learner.search.power.n_elites is 0", |c| c.search.power.n_elites = 0),
-            ("learner.search.power.n_initial", |c| c.search.power.n_initial = 20_000),
-            ("learner.search.power.initial_std", |c| c.search.power.initial_std = -0.5),
-            ("learner.search.regions.connected is 0: use 0.05 to 1", |c| {
-                c.search.regions.connected = 0.0
-            }),
-            ("learner.search.power.floor_decay is 1.1", |c| c.search.power.floor_decay = 1.1),
-            ("learner.search.power.floor_min is 0.6: use 0 to 0.5", |c| {
-                c.search.power.floor_min = 0.6
-            }),
-            ("learner.search.random.std", |c| c.search.random.std = f64::NAN),
-            ("learner.reward.w2 is -1", |c| c.reward.w2 = -1.0),
-            ("learner.reward.catch.lateral_m is 0", |c| c.reward.catch.lateral_m = 0.0),
-            ("learner.exploration.tempo_s is -0.1", |c| c.exploration.tempo_s = -0.1),
-            ("learner.people.weight is NaN: use 0 to 1", |c| c.people.weight = f64::NAN),
-            ("learner.people.success_from is 11: use 0 to 10", |c| c.people.success_from = 11.0),
-            ("learner.people.weight is 0.5: use 0 with a search", |c| {
-                (c.people.weight, c.search.method) = (0.5, Method::Cem);
-            }),
-        ];
-        for (expected, break_it) in breaks {
-            let mut config = LearnerConfig::default();
-            break_it(&mut config);
-            let message = config.validate().expect_err(expected).to_string();
-            assert!(message.contains(expected), "{message:?} lacks {expected:?}");
-        }
-    }
-
-    #[test]
-    fn refuses_unknown_fields_and_choices() {
-        for text in [
-            r#"{"rollout": 3}"#,
-            r#"{"search": {"power": {"elites": 3}}}"#,
-            r#"{"reward": {"w4": 1}}"#,
-            r#"{"scales": {"position": 1}}"#,
-            r#"{"search": {"method": "magic"}}"#,
-        ] {
-            assert!(serde_json::from_str::<LearnerConfig>(text).is_err(), "{text}");
-        }
-    }
-
-    #[test]
-    fn when_people_are_asked_may_change_and_what_they_count_for_may_not() {
-        let stored = LearnerConfig::default();
-        let with = |people| LearnerConfig { people, ..stored.clone() };
-        let people = PeopleConfig { wait: false, ask_after: 9, ..stored.people };
-        assert_eq!(with(people).check_resumes(&stored), Ok(()));
-        let error = with(PeopleConfig { weight: 0.5, ..people }).check_resumes(&stored);
-        assert!(error.unwrap_err().to_string().contains("learner.people.weight is 0.5"));
-    }
-
-    #[test]
-    fn a_session_may_grow_but_not_change() {
-        let stored = LearnerConfig::default();
-        let longer = LearnerConfig { rollouts: 200, ..stored.clone() };
-        assert_eq!(longer.check_resumes(&stored), Ok(()));
-        let mut changed = stored.clone();
-        changed.search.power.floor_std = 0.3;
-        let message = changed.check_resumes(&stored).unwrap_err().to_string();
-        assert!(message.contains(
-            "learner.search.power.floor_std is 0.3, but the session was started with 0.5"
-        ));
-    }
-}
+mod tests;

@@ -2,16 +2,20 @@
 //!
 //! ```text
 //! t_s,x_m,y_m,z_m,pitch_rad[,roll_rad,yaw_rad]
+//! t_s,x_m,y_m,z_m,qw,qx,qy,qz
 //! ```
 //!
 //! Poses are in the world frame; pitch, roll and yaw are the y, x and z components of the rotation
-//! vector. Whether the arm can reach them is not known here: the caller checks
-//! [`Demonstration::poses`].
+//! vector, and quaternions have unit length. Quaternions are for sessions on the sphere, where a movement
+//! may turn any way and any number of times. Whether the arm can reach the poses is not known here: the caller
+//! checks them.
 
 use csv::{ReaderBuilder, StringRecord, Trim};
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use crate::orientation::{Orientation, counted, exp, reached, with_rotation};
 use crate::trajectory::{Pose, derivatives, resample};
 
 /// Fewest recorded points.
@@ -23,13 +27,20 @@ const COLUMNS: [&str; LONG] = ["t_s", "x_m", "y_m", "z_m", "pitch_rad", "roll_ra
 /// Number of columns with and without roll and yaw, which are zero when absent.
 const LONG: usize = 7;
 const SHORT: usize = 5;
+/// Columns with a quaternion.
+pub const QUATERNION_COLUMNS: [&str; WIDEST] = ["t_s", "x_m", "y_m", "z_m", "qw", "qx", "qy", "qz"];
+const WIDEST: usize = 8;
+/// ‖q‖ of a quaternion may differ this much from 1.
+const NORM_TOLERANCE: f64 = 0.02;
+/// From line to line an orientation turns less than this, rad: which way is not known near half a turn.
+const MAX_STEP_RAD: f64 = 1.5;
 
 /// Why a demonstration was refused.
 #[derive(Debug, Error, PartialEq)]
 pub enum DemonstrationError {
     #[error(
         "{file}, line 1: header is `{found}`: use `t_s,x_m,y_m,z_m,pitch_rad`, optionally \
-         followed by `,roll_rad,yaw_rad`"
+         followed by `,roll_rad,yaw_rad`, or `t_s,x_m,y_m,z_m,qw,qx,qy,qz`"
     )]
     Header { file: String, found: String },
     #[error("{file}, line {line}: cannot be read as CSV in UTF-8: {reason}")]
@@ -42,6 +53,15 @@ pub enum DemonstrationError {
         "{file}, line {line}: t_s is {t_s} after {previous_s}: time must increase from line to line"
     )]
     Time { file: String, line: u64, t_s: f64, previous_s: f64 },
+    #[error(
+        "{file}, line {line}: the quaternion has norm {norm:.3}: give a unit quaternion, qw the real part"
+    )]
+    Norm { file: String, line: u64, norm: f64 },
+    #[error(
+        "{file}, line {line}: turns by {turn:.2} rad since the line before, and which way is known only \
+         below {MAX_STEP_RAD} rad: record more often"
+    )]
+    Step { file: String, line: u64, turn: f64 },
     #[error("{file}: {found} points: record at least {MIN_POINTS}")]
     TooFew { file: String, found: usize },
     #[error(
@@ -79,6 +99,8 @@ pub struct Demonstration {
     file: String,
     period_s: f64,
     poses: Vec<Pose>,
+    /// What the rotational coordinates of the poses are: rotation vectors, or turns.
+    orientation: Orientation,
 }
 
 impl Demonstration {
@@ -92,22 +114,31 @@ impl Demonstration {
         let mut records = reader.records();
         let header = next_record(file, &mut records)?.unwrap_or_default();
         let n_columns = header.len();
-        if !matches!(n_columns, SHORT | LONG)
-            || !header.iter().eq(COLUMNS[..n_columns].iter().copied())
-        {
+        let has_quaternions = header.iter().eq(QUATERNION_COLUMNS);
+        let has_vectors = matches!(n_columns, SHORT | LONG)
+            && header.iter().eq(COLUMNS[..n_columns].iter().copied());
+        if !has_quaternions && !has_vectors {
             let found = header.iter().collect::<Vec<_>>().join(",");
             return Err(DemonstrationError::Header { file: file.into(), found });
         }
+        let columns = if has_quaternions { &QUATERNION_COLUMNS[..] } else { &COLUMNS[..n_columns] };
         let (mut times_s, mut poses) = (Vec::<f64>::new(), Vec::new());
+        let mut rotations: Vec<UnitQuaternion<f64>> = Vec::new();
         while let Some(record) = next_record(file, &mut records)? {
             let line = line_of(&record);
-            let values = parse_row(file, line, &record, n_columns)?;
+            let values = parse_row(file, line, &record, columns)?;
             if let Some(&previous_s) = times_s.last().filter(|&&last| values[0] <= last) {
                 let t_s = values[0];
                 return Err(DemonstrationError::Time { file: file.into(), line, t_s, previous_s });
             }
             times_s.push(values[0]);
-            poses.push(std::array::from_fn(|c| values[c + 1]));
+            let mut pose = std::array::from_fn(|c| values[c + 1]);
+            if has_quaternions {
+                let rotation = unit(file, line, &values, rotations.last())?;
+                pose = with_rotation(&pose, &rotation.scaled_axis());
+                rotations.push(rotation);
+            }
+            poses.push(pose);
         }
         if poses.len() < MIN_POINTS {
             return Err(DemonstrationError::TooFew { file: file.into(), found: poses.len() });
@@ -116,8 +147,12 @@ impl Demonstration {
         if !DURATION_S.contains(&duration_s) {
             return Err(DemonstrationError::Duration { file: file.into(), duration_s });
         }
+        let orientation = if has_quaternions { Orientation::Sphere } else { Orientation::Vector };
+        if has_quaternions {
+            poses = counted(&poses, &rotations);
+        }
         let (period_s, poses) = resample(&times_s, &poses);
-        Ok(Demonstration { file: file.into(), period_s, poses })
+        Ok(Demonstration { file: file.into(), period_s, poses, orientation })
     }
 
     /// The file it came from.
@@ -135,9 +170,40 @@ impl Demonstration {
         self.period_s * (self.poses.len() - 1) as f64
     }
 
-    /// Poses at 0, `period_s`, 2·`period_s`, …: x, y, z, pitch, roll, yaw in m and rad.
+    /// Poses at 0, `period_s`, 2·`period_s`, …: x, y, z, pitch, roll, yaw in m and rad. Of a demonstration on
+    /// the sphere the rotational ones are turns, see [`crate::orientation`].
     pub fn poses(&self) -> &[Pose] {
         &self.poses
+    }
+
+    /// What the rotational coordinates of the poses are.
+    pub fn orientation(&self) -> Orientation {
+        self.orientation
+    }
+
+    /// R_WP at the times of [`Demonstration::poses`].
+    pub fn rotations(&self) -> Vec<UnitQuaternion<f64>> {
+        match self.orientation {
+            Orientation::Vector => self.poses.iter().map(exp).collect(),
+            Orientation::Sphere => reached(&self.poses),
+        }
+    }
+
+    /// X_WP at the times of [`Demonstration::poses`].
+    pub fn path(&self) -> Vec<Isometry3<f64>> {
+        let at = |(pose, rotation): (&Pose, UnitQuaternion<f64>)| {
+            Isometry3::from_parts(Translation3::new(pose[0], pose[1], pose[2]), rotation)
+        };
+        self.poses.iter().zip(self.rotations()).map(at).collect()
+    }
+
+    /// The same movement with turns instead of rotation vectors.
+    pub fn on_sphere(&self) -> Demonstration {
+        let poses = match self.orientation {
+            Orientation::Vector => counted(&self.poses, &self.rotations()),
+            Orientation::Sphere => self.poses.clone(),
+        };
+        Demonstration { poses, orientation: Orientation::Sphere, ..self.clone() }
     }
 
     /// The same movement with other poses at the same times.
@@ -149,7 +215,7 @@ impl Demonstration {
         Demonstration { poses, ..self.clone() }
     }
 
-    /// ẋ and ẍ at the times of [`Demonstration::poses`].
+    /// ẋ and ẍ at the times of [`Demonstration::poses`]; on the sphere of rotations ω and ω̇.
     pub fn derivatives(&self) -> (Vec<Pose>, Vec<Pose>) {
         derivatives(&self.poses, self.period_s)
     }
@@ -175,14 +241,14 @@ fn parse_row(
     file: &str,
     line: u64,
     record: &StringRecord,
-    n_columns: usize,
-) -> Result<[f64; LONG], DemonstrationError> {
-    if record.len() != n_columns {
-        let (file, found) = (file.into(), record.len());
-        return Err(DemonstrationError::Columns { file, line, found, expected: n_columns });
+    columns: &[&'static str],
+) -> Result<[f64; WIDEST], DemonstrationError> {
+    if record.len() != columns.len() {
+        let (file, found, expected) = (file.into(), record.len(), columns.len());
+        return Err(DemonstrationError::Columns { file, line, found, expected });
     }
-    let mut values = [0.0; LONG];
-    for ((text, column), value) in record.iter().zip(COLUMNS).zip(&mut values) {
+    let mut values = [0.0; WIDEST];
+    for ((text, column), value) in record.iter().zip(columns.iter().copied()).zip(&mut values) {
         *value = text.parse().ok().filter(|number: &f64| number.is_finite()).ok_or_else(|| {
             DemonstrationError::Number { file: file.into(), line, column, text: text.into() }
         })?;
@@ -190,8 +256,30 @@ fn parse_row(
     Ok(values)
 }
 
+/// The orientation of a row with a quaternion, which follows `before`.
+fn unit(
+    file: &str,
+    line: u64,
+    values: &[f64; WIDEST],
+    before: Option<&UnitQuaternion<f64>>,
+) -> Result<UnitQuaternion<f64>, DemonstrationError> {
+    let quaternion = Quaternion::new(values[4], values[5], values[6], values[7]);
+    let norm = quaternion.norm();
+    if (norm - 1.0).abs() > NORM_TOLERANCE {
+        return Err(DemonstrationError::Norm { file: file.into(), line, norm });
+    }
+    let rotation = UnitQuaternion::from_quaternion(quaternion);
+    let turn = before.map_or(0.0, |before| before.angle_to(&rotation));
+    if turn > MAX_STEP_RAD {
+        return Err(DemonstrationError::Step { file: file.into(), line, turn });
+    }
+    Ok(rotation)
+}
+
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::TAU;
+
     use super::*;
 
     const HEADER: &str = "t_s,x_m,y_m,z_m,pitch_rad";
@@ -221,6 +309,60 @@ mod tests {
         let full = format!("\u{feff}{HEADER},roll_rad,yaw_rad\n{rows}");
         let demonstration = Demonstration::parse("pan.csv", &full).unwrap();
         assert_eq!(demonstration.poses()[11], [1.0, 2.0, 3.0, 0.1, 0.2, 0.3]);
+    }
+
+    /// A row with the quaternion of a turn by `yaw` rad, of either sign.
+    fn turned(k: usize, yaw: f64) -> String {
+        let (sin, cos) = (0.5 * yaw).sin_cos();
+        let sign = if k.is_multiple_of(3) { -1.0 } else { 1.0 };
+        format!("{:.3},0.7,0,0.5,{},0,0,{}\n", 0.04 * k as f64, sign * cos, sign * sin)
+    }
+
+    #[test]
+    fn quaternions_are_read_as_turns_beyond_a_revolution() {
+        let rows: String = (0..=50).map(|k| turned(k, 0.5 + 1.5 * TAU * k as f64 / 50.0)).collect();
+        let text = format!("t_s,x_m,y_m,z_m,qw,qx,qy,qz\n{rows}");
+        let demonstration = Demonstration::parse("turn.csv", &text).unwrap();
+        assert_eq!(demonstration.orientation(), Orientation::Sphere);
+        let (first, last) = (demonstration.poses()[0], demonstration.poses()[200]);
+        assert!((first[5] - 0.5).abs() < 1e-12 && (last[5] - 0.5 - 1.5 * TAU).abs() < 1e-9);
+        // Between the ends, which are held, it turns evenly.
+        let rates = demonstration.derivatives().0;
+        assert!(rates[10..190].iter().all(|rate| (rate[5] - 1.5 * TAU / 2.0).abs() < 1e-6));
+        let rotations = demonstration.rotations();
+        assert!((rotations[200].scaled_axis().z - (0.5 + 0.5 * TAU - TAU)).abs() < 1e-9);
+        assert_eq!(demonstration.on_sphere(), demonstration);
+    }
+
+    #[test]
+    fn rotation_vectors_become_turns() {
+        let rows: String = (0..=50)
+            .map(|k| format!("{:.2},0.7,0,0.5,0,0,{}\n", 0.01 * k as f64, 0.2 * k as f64))
+            .collect();
+        let text = format!("{HEADER},roll_rad,yaw_rad\n{rows}");
+        let vectors = Demonstration::parse("turn.csv", &text).unwrap();
+        let turns = vectors.on_sphere();
+        assert_eq!((vectors.orientation(), vectors.poses()[50][5]), (Orientation::Vector, 10.0));
+        assert!((turns.poses()[50][5] - 10.0).abs() < 1e-9, "about one axis they are the same");
+        for (a, b) in vectors.rotations().iter().zip(turns.rotations()) {
+            assert!(a.angle_to(&b) < 1e-9);
+        }
+    }
+
+    #[test]
+    fn refuses_what_is_no_path_of_quaternions() {
+        let text = |row: &str| {
+            let rows: String = (0..12).map(|k| turned(k, 0.1)).collect();
+            format!("t_s,x_m,y_m,z_m,qw,qx,qy,qz\n{rows}{row}\n")
+        };
+        for (row, parts) in [
+            ("0.5,0.7,0,0.5,2,0,0,0", ["line 14", "norm 2.000", "qw the real part"]),
+            ("0.5,0.7,0,0.5,0,1,0,0", ["line 14", "turns by 3.1", "record more often"]),
+            ("0.5,0.7,0,0.5,1,0,0", ["line 14", "7 values", "instead of 8"]),
+        ] {
+            let message = error(&text(row));
+            assert!(parts.iter().all(|part| message.contains(part)), "{message}");
+        }
     }
 
     #[test]

@@ -5,6 +5,7 @@
 //! is the same for all: any θ decodes to a policy that is admitted, and policies fitted to altered demonstrations
 //! lie along smooth directions in θ.
 
+pub mod components;
 pub mod dmp;
 pub mod gmr;
 pub mod seds;
@@ -20,8 +21,12 @@ use shm_types::policy::PolicyMsg;
 use thiserror::Error;
 
 use crate::demonstration::Demonstration;
-use crate::initial_policy::{InitialPolicyConfig, initial_policy};
+use crate::initial_policy::placed::{TooFar, placed, too_far};
+use crate::initial_policy::variability::{StiffnessError, stiffen};
+use crate::initial_policy::{InitialPolicyConfig, frame, initial_policy};
+use crate::orientation::Orientation;
 use crate::parameters::{ParameterError, ParameterMap, PolicyIds, Scales};
+pub use components::Components;
 use dmp::Dmp;
 use gmr::Gmr;
 use seds::Seds;
@@ -89,13 +94,54 @@ impl EncodingKind {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EncodingConfig {
     pub kind: EncodingKind,
+    /// Its number of components counts where `components` is one.
     pub policy: InitialPolicyConfig,
+    pub components: Components,
     pub scales: Scales,
+}
+
+impl EncodingConfig {
+    /// Whether springs are fitted to one demonstration with κᴾ, orientations as rotation vectors.
+    fn is_plain(&self) -> bool {
+        self.policy.orientation.is_vector() && self.policy.initial_stiffness.is_kappa_p()
+    }
 }
 
 /// Why no policy can be fitted to demonstrations.
 #[derive(Debug, Error, PartialEq)]
 pub enum FitError {
+    #[error(
+        "{file} has quaternions, which may turn any way, and learner.orientation is rotation_vector: set it to \
+         \"sphere\", or give pitch_rad, roll_rad and yaw_rad"
+    )]
+    Quaternions { file: String },
+    #[error(
+        "{file}: at t = {t_s:.2} s component {component} would pull to {turn:.2} rad from the orientation shown, \
+         and beyond π it would pull the other way: raise learner.n_components or \
+         learner.kappa_p, lower learner.exploration.rotation_amplitude, or make the demonstration slower"
+    )]
+    TooFar { file: String, component: usize, t_s: f64, turn: f64 },
+    #[error(
+        "no stiffness from the variability of {files}: {error}; repetitions are task.demonstration and \
+         task.other_demonstrations, and learner.initial_stiffness = \"kappa_p\" needs none"
+    )]
+    Stiffness { files: String, error: StiffnessError },
+    #[error(
+        "{k} components in {d} coordinates and time need {needed} points: {files} has {found}, from 0 s to \
+         {end_s:.2} s at {period_s} s; use at most {most} as learner.n_components, or \"bic\", or record longer"
+    )]
+    TooFewPoints {
+        files: String,
+        k: usize,
+        d: usize,
+        needed: usize,
+        found: usize,
+        end_s: f64,
+        period_s: f64,
+        most: usize,
+    },
+    #[error("no number of components for {files}: {error}; give one as learner.n_components")]
+    Bic { files: String, error: GmmError },
     #[error("no regression in time of {files}: {error}; the components are learner.n_components")]
     Gmr { files: String, error: GmmError },
     #[error(
@@ -105,24 +151,66 @@ pub enum FitError {
     Seds { files: String, error: StableError },
 }
 
+impl From<TooFar> for FitError {
+    fn from(TooFar { file, component, t_s, turn }: TooFar) -> FitError {
+        FitError::TooFar { file, component: component + 1, t_s, turn }
+    }
+}
+
 /// The policy a session starts from, fitted to `demonstrations`, at least one. The message is sealed, without
 /// session and rollout.
 pub fn fit(
     config: &EncodingConfig,
     demonstrations: &[Demonstration],
 ) -> Result<PolicyMsg, FitError> {
-    let files = || {
-        let names: Vec<&str> = demonstrations.iter().map(Demonstration::file).collect();
-        names.join(", ")
-    };
-    let policy = &config.policy;
+    check_shown(config, demonstrations)?;
+    let files = || files(demonstrations);
+    let n_components = components::number(config, demonstrations)?;
+    let policy = &InitialPolicyConfig { n_components, ..config.policy };
     match config.kind {
-        EncodingKind::Springs | EncodingKind::Dmp => Ok(initial_policy(&demonstrations[0], policy)),
+        EncodingKind::Springs | EncodingKind::Dmp if config.is_plain() => {
+            Ok(initial_policy(&demonstrations[0], policy))
+        }
+        EncodingKind::Springs | EncodingKind::Dmp => {
+            let mut frame = frame(policy, demonstrations[0].duration_s());
+            if !policy.initial_stiffness.is_kappa_p() {
+                stiffen(&mut frame, demonstrations, policy, &config.scales)
+                    .map_err(|error| FitError::Stiffness { files: files(), error })?;
+            }
+            placed_near(&frame, demonstrations)
+        }
         EncodingKind::Gmr => gmr::fit(demonstrations, policy)
             .map_err(|error| FitError::Gmr { files: files(), error }),
         EncodingKind::Seds => seds::fit(demonstrations, policy)
             .map_err(|error| FitError::Seds { files: files(), error }),
         EncodingKind::Tsm => Ok(tsm::fit(demonstrations, policy)),
+    }
+}
+
+/// The names of all files, as messages list them.
+fn files(demonstrations: &[Demonstration]) -> String {
+    let names: Vec<&str> = demonstrations.iter().map(Demonstration::file).collect();
+    names.join(", ")
+}
+
+/// That rotation vectors are what was shown to a session that sees them.
+fn check_shown(config: &EncodingConfig, demonstrations: &[Demonstration]) -> Result<(), FitError> {
+    let is_other = |one: &&Demonstration| !one.orientation().is_vector();
+    match demonstrations.iter().find(is_other) {
+        Some(one) if config.policy.orientation == Orientation::Vector => {
+            Err(FitError::Quaternions { file: one.file().into() })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The springs of `frame` where they follow the demonstrations, none of them nearly half a turn away.
+fn placed_near(frame: &PolicyMsg, demonstrations: &[Demonstration]) -> Result<PolicyMsg, FitError> {
+    let policy = placed(frame, demonstrations);
+    let is_sphere = policy.orientation == Orientation::Sphere.code();
+    match is_sphere.then(|| too_far(&policy, demonstrations)).flatten() {
+        Some(far) => Err(far.into()),
+        None => Ok(policy),
     }
 }
 
@@ -155,30 +243,43 @@ impl Encoding {
         Ok(Encoding { config, map })
     }
 
-    /// The policy fitted to other demonstrations of the same duration, with the activations of the base.
-    pub fn refit(&self, demonstrations: &[Demonstration]) -> PolicyMsg {
+    /// The policy fitted to other demonstrations of the same duration, with the activations of the base, and with
+    /// its stiffness where that is from variability.
+    pub fn refit(&self, demonstrations: &[Demonstration]) -> Result<PolicyMsg, FitError> {
+        check_shown(&self.config, demonstrations)?;
         match &self.map {
-            Map::Springs(_) | Map::Dmp(_) => {
-                initial_policy(&demonstrations[0], &self.config.policy)
+            Map::Springs(_) | Map::Dmp(_) if self.config.is_plain() => {
+                Ok(initial_policy(&demonstrations[0], &self.config.policy))
             }
-            Map::Gmr(map) => map.refit(demonstrations),
-            Map::Seds(map) => map.refit(demonstrations),
-            Map::Tsm(map) => map.refit(demonstrations),
+            Map::Springs(map) => placed_near(map.base(), demonstrations),
+            Map::Dmp(map) => placed_near(map.base(), demonstrations),
+            Map::Gmr(map) => Ok(map.refit(demonstrations)),
+            Map::Seds(map) => Ok(map.refit(demonstrations)),
+            Map::Tsm(map) => Ok(map.refit(demonstrations)),
         }
     }
 
     /// What a refit to an altered demonstration differs from: `initial`, which was fitted to `demonstrations`, or
     /// their refit, where a field that was searched for is only regressed again.
-    pub fn unaltered(&self, initial: &PolicyMsg, demonstrations: &[Demonstration]) -> PolicyMsg {
+    pub fn unaltered(
+        &self,
+        initial: &PolicyMsg,
+        demonstrations: &[Demonstration],
+    ) -> Result<PolicyMsg, FitError> {
         match &self.map {
-            Map::Seds(map) => map.refit(demonstrations),
-            _ => *initial,
+            Map::Seds(_) => self.refit(demonstrations),
+            _ => Ok(*initial),
         }
     }
 
     /// Whether its policies are springs for the loop, whatever θ holds of them.
     pub fn drives_springs(&self) -> bool {
         matches!(self.map, Map::Springs(_) | Map::Dmp(_))
+    }
+
+    /// Whether orientations are rotations.
+    pub fn is_on_sphere(&self) -> bool {
+        !self.config.policy.orientation.is_vector()
     }
 
     /// The springs in `policy` whose stiffness is learnt, and their map: θ begins with theirs. `None` for an

@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 use shm_types::policy::PolicyMsg;
 
 use crate::demonstration::Demonstration;
-use crate::encoding::Encoding;
+use crate::encoding::{Encoding, FitError};
 use crate::parameters::{ATTRACTOR_MAX, N_POSITIONS, ParameterError};
 use crate::trajectory::{Pose, retime};
 use search::Direction;
@@ -46,6 +46,15 @@ pub enum ExplorationError {
     Parameters(#[from] ParameterError),
     #[error(transparent)]
     Phases(#[from] PhaseError),
+    #[error("an altered demonstration cannot be fitted: {0}")]
+    Refit(FitError),
+}
+
+/// No `#[from]`: the text holds the cause, and a chain would repeat it.
+impl From<FitError> for ExplorationError {
+    fn from(error: FitError) -> Self {
+        ExplorationError::Refit(error)
+    }
 }
 
 /// Which stiffnesses are explored, each by a factor of its own.
@@ -161,7 +170,7 @@ pub(crate) fn directions(
     config: &ExplorationConfig,
     demonstrations: &[Demonstration],
 ) -> Result<Vec<Column>, ExplorationError> {
-    let theta_0 = encoding.encode(&encoding.unaltered(initial, demonstrations))?;
+    let theta_0 = encoding.encode(&encoding.unaltered(initial, demonstrations)?)?;
     let altered: Vec<Vec<Demonstration>> =
         demonstrations.iter().map(|one| alterations(one, config)).collect();
     let mut columns = Vec::new();
@@ -169,7 +178,7 @@ pub(crate) fn directions(
         let set: Vec<Demonstration> = altered.iter().map(|all| all[index].clone()).collect();
         let grows = config.grows && index == POSITION_AMPLITUDE;
         let direction = Direction { grows, late: false };
-        columns.push((encoding.encode(&encoding.refit(&set))? - &theta_0, direction));
+        columns.push((encoding.encode(&encoding.refit(&set)?)? - &theta_0, direction));
     }
     if let Some((springs, map)) = encoding.springs(initial) {
         let of_springs = stiffness::columns(&springs, map, config, &demonstrations[0])?;

@@ -1,4 +1,9 @@
 //! The policy a session starts from: Eq. (5) fitted to one demonstration by least squares.
+//!
+//! Other stiffnesses than κᴾ, several demonstrations and orientations on the sphere: [`placed`], [`variability`].
+
+pub(crate) mod placed;
+pub(crate) mod variability;
 
 use nalgebra::{DMatrix, DVector};
 use shm_types::policy::{PolicyMsg, packed_index};
@@ -6,6 +11,8 @@ use shm_types::{MAX_COMPONENTS, TASK_DIM};
 
 use crate::activation::{Activation, activations};
 use crate::demonstration::Demonstration;
+use crate::orientation::Orientation;
+pub use variability::InitialStiffness;
 
 /// Weight of the ridge relative to the mean diagonal of HᵀH: far below the fit's resolution, it
 /// only keeps the normal equations solvable when components outnumber what the data shows.
@@ -19,6 +26,10 @@ pub struct InitialPolicyConfig {
     pub n_components: usize,
     /// κᴾ, s⁻²; κᵛ = 2√κᴾ (critically damped).
     pub kappa_p: f64,
+    pub initial_stiffness: InitialStiffness,
+    /// Stiffness from variability is at most so many times κᴾ, and at least so small a part of it.
+    pub stiffness_range: f64,
+    pub orientation: Orientation,
     /// ζ of dampers that follow the stiffness; 0 for κᵛ whatever the stiffness.
     pub damping_ratio: f64,
     pub activation: Activation,
@@ -37,6 +48,9 @@ impl Default for InitialPolicyConfig {
             task_dim: 4,
             n_components: 8,
             kappa_p: 200.0,
+            initial_stiffness: InitialStiffness::default(),
+            stiffness_range: 4.0,
+            orientation: Orientation::default(),
             damping_ratio: 0.0,
             activation: Activation::Time,
             decay_rate: 2.0,
@@ -56,24 +70,11 @@ impl Default for InitialPolicyConfig {
 /// them. The message is sealed, without
 /// session and rollout. Source: the paper refers to its reference 36 for the method.
 pub fn initial_policy(demonstration: &Demonstration, config: &InitialPolicyConfig) -> PolicyMsg {
-    assert!((1..=MAX_COMPONENTS).contains(&config.n_components), "validate the configuration");
-    let decay_rate = if config.activation == Activation::Decay { config.decay_rate } else { 0.0 };
-    let critical = 2.0 * config.kappa_p.sqrt();
+    let mut policy = frame(config, demonstration.duration_s());
+    let (decay_rate, critical) = (policy.decay_rate, policy.damping);
     let damping = match config.damping_ratio {
         0.0 => critical,
         ratio => ratio * critical,
-    };
-    let mut policy = PolicyMsg {
-        task_dim: config.task_dim as u32,
-        n_components: config.n_components as u32,
-        activation: config.activation.code(),
-        duration_s: demonstration.duration_s(),
-        decay_rate,
-        damping: critical,
-        damping_ratio: config.damping_ratio,
-        orientation_stiffness: config.orientation_stiffness,
-        orientation_damping: config.orientation_damping,
-        ..PolicyMsg::EMPTY
     };
     let layout = component_layout(config, demonstration.duration_s());
     let n_samples = demonstration.poses().len();
@@ -100,13 +101,34 @@ pub fn initial_policy(demonstration: &Demonstration, config: &InitialPolicyConfi
             component.attractor[coordinate] = *value;
         }
     }
+    policy.sealed()
+}
+
+/// The policy without its attractors: shape, gains, activations and Kᵢ = κᴾ I, over `duration_s` (s). Not sealed.
+pub(crate) fn frame(config: &InitialPolicyConfig, duration_s: f64) -> PolicyMsg {
+    assert!((1..=MAX_COMPONENTS).contains(&config.n_components), "validate the configuration");
+    let decays = config.activation == Activation::Decay;
+    let mut policy = PolicyMsg {
+        task_dim: config.task_dim as u32,
+        n_components: config.n_components as u32,
+        activation: config.activation.code(),
+        duration_s,
+        decay_rate: if decays { config.decay_rate } else { 0.0 },
+        damping: 2.0 * config.kappa_p.sqrt(),
+        damping_ratio: config.damping_ratio,
+        orientation: config.orientation.code(),
+        orientation_stiffness: config.orientation_stiffness,
+        orientation_damping: config.orientation_damping,
+        ..PolicyMsg::EMPTY
+    };
+    let layout = component_layout(config, duration_s);
     for (component, (center, width)) in policy.components.iter_mut().zip(layout) {
         (component.center, component.width) = (center, width);
         for row in 0..config.task_dim {
             component.stiffness[packed_index(row, row)] = config.kappa_p;
         }
     }
-    policy.sealed()
+    policy
 }
 
 /// Centre and width of each activation, in the unit of its driving variable.

@@ -92,6 +92,12 @@ impl Learner {
         let config = meta.learner.clone();
         let mut store = Store::create(&directory.join(SESSION_FILE), meta, &initial)?;
         store.record_event("created", source)?;
+        if config.n_components.number().is_none() {
+            let said =
+                format!("the Bayesian information criterion chose {} components", policy.n_systems);
+            tracing::info!("{said}");
+            store.record_event("components", &said)?;
+        }
         let history = store.history()?;
         let (search, telling) = told_anew(&config, &problem, history.telling(1), &[])?;
         let (trials, in_flight) = (Vec::new(), Vec::new());

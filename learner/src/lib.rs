@@ -30,6 +30,7 @@ pub mod learner;
 #[cfg(feature = "session")]
 pub mod mail;
 pub mod modes;
+pub mod orientation;
 pub mod parameters;
 pub mod path;
 pub mod people;

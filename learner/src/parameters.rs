@@ -3,7 +3,8 @@
 //! Per component θ holds d attractor entries (x, y, z, pitch, roll, yaw as far as learnt), then
 //! the d(d+1)/2 lower-triangle entries, by rows, of S = log K: 72, 112 or 216 numbers for d = 3,
 //! 4 or 6 and eight components. θ is absolute, θ = physical / scale, not an offset from the
-//! initial policy: a stored θ means the same in every session with these scales.
+//! initial policy: a stored θ means the same in every session with these scales. On the sphere the angles
+//! of an attractor are turns, see [`crate::orientation`].
 
 use std::ops::Range;
 
@@ -12,6 +13,8 @@ use search::Bounds;
 use serde::{Deserialize, Serialize};
 use shm_types::policy::{Component, PolicyMsg, PolicyMsgError, packed_index};
 use thiserror::Error;
+
+use crate::orientation::{attractors, put_attractors};
 
 /// Smallest and largest eigenvalue of a decoded Kᵢ, s⁻².
 pub const STIFFNESS_MIN: f64 = 1.0;
@@ -127,6 +130,11 @@ impl ParameterMap {
         Ok(ParameterMap { base: tidied(base), scales })
     }
 
+    /// The policy that carries everything θ does not.
+    pub(crate) fn base(&self) -> &PolicyMsg {
+        &self.base
+    }
+
     /// Learnt coordinates d.
     pub fn task_dim(&self) -> usize {
         self.base.task_dim as usize
@@ -151,8 +159,9 @@ impl ParameterMap {
         check_shape(&self.base, policy)?;
         let d = self.task_dim();
         let mut theta = Vec::with_capacity(self.dim());
+        let attractors = attractors(policy);
         for (index, component) in policy.components().iter().enumerate() {
-            theta.extend((0..d).map(|c| component.attractor[c] / self.scales.attractor(c)));
+            theta.extend((0..d).map(|c| attractors[index][c] / self.scales.attractor(c)));
             let stiffness = DMatrix::from_fn(d, d, |row, col| component.stiffness_at(row, col));
             let log_k = symmetric_log(stiffness)
                 .map_err(|value| ParameterError::Stiffness { component: index, value })?;
@@ -224,11 +233,13 @@ impl ParameterMap {
         let d = self.task_dim();
         let mut policy = ids.name(&self.base);
         let chunks = theta.as_slice().chunks_exact(self.stride());
-        for (component, entries) in policy.components.iter_mut().zip(chunks) {
+        let mut attractors = attractors(&self.base);
+        for ((component, pose), entries) in
+            policy.components.iter_mut().zip(&mut attractors).zip(chunks)
+        {
             let (attractor, log_k) = entries.split_at(d);
             for (c, value) in attractor.iter().enumerate() {
-                component.attractor[c] =
-                    (value * self.scales.attractor(c)).clamp(-ATTRACTOR_MAX, ATTRACTOR_MAX);
+                pose[c] = (value * self.scales.attractor(c)).clamp(-ATTRACTOR_MAX, ATTRACTOR_MAX);
             }
             let log_k = DMatrix::from_fn(d, d, |row, col| {
                 log_k[packed_index(row, col)] * self.scales.log_stiffness
@@ -240,6 +251,7 @@ impl ParameterMap {
                 }
             }
         }
+        put_attractors(&mut policy, &attractors);
         policy.sealed()
     }
 }

@@ -1,5 +1,7 @@
 //! The decimated path of a rollout: every 10th tick record, for figures and for the session file.
 
+use imitation::sphere::nearest_equivalent;
+use nalgebra::Vector3;
 use shm_types::episode::TickRecord;
 use thiserror::Error;
 
@@ -74,6 +76,19 @@ pub fn decimate(records: &[TickRecord]) -> Vec<PathRow> {
     records.iter().step_by(DECIMATION).map(PathRow::from_record).collect()
 }
 
+/// The rows with rotation vectors that go on beyond half a turn, each the one nearest to that before: a movement on
+/// the sphere as figures show it.
+pub fn unwrapped(mut rows: Vec<PathRow>) -> Vec<PathRow> {
+    let mut before: Option<Vector3<f64>> = None;
+    for row in &mut rows {
+        let vector = Vector3::from(row.pan_rotation.map(f64::from));
+        let nearest = before.map_or(vector, |before| nearest_equivalent(&vector, &before));
+        row.pan_rotation = [nearest.x as f32, nearest.y as f32, nearest.z as f32];
+        before = Some(nearest);
+    }
+    rows
+}
+
 /// Rows as a table of little-endian f32.
 pub fn encode(rows: &[PathRow]) -> Vec<u8> {
     rows.iter().flat_map(PathRow::columns).flat_map(f32::to_le_bytes).collect()
@@ -94,6 +109,8 @@ pub fn decode(bytes: &[u8]) -> Result<Vec<PathRow>, PathError> {
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::{PI, TAU};
+
     use super::*;
 
     #[test]
@@ -102,6 +119,23 @@ mod tests {
         record.object_position[2] = -f64::MAX;
         let columns = decimate(&[record])[0].columns();
         assert_eq!((columns[0], columns[9]), (f32::MAX, f32::MIN));
+    }
+
+    #[test]
+    fn a_full_turn_goes_on_beyond_half_a_turn() {
+        let records: Vec<TickRecord> = (0..=630)
+            .map(|k| {
+                let mut record = TickRecord::ZERO;
+                let angle = 0.01 * f64::from(k);
+                record.x[3] = if angle > PI { angle - TAU } else { angle };
+                record
+            })
+            .collect();
+        let rows = unwrapped(decimate(&records));
+        let last = rows[63].pan_rotation;
+        assert!((last[0] - 6.3).abs() < 1e-5 && last[1..] == [0.0, 0.0], "{last:?}");
+        let steps = rows.windows(2).map(|pair| pair[1].pan_rotation[0] - pair[0].pan_rotation[0]);
+        assert!(steps.into_iter().all(|step| (step - 0.1).abs() < 1e-5));
     }
 
     #[test]

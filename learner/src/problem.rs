@@ -60,7 +60,7 @@ impl Problem {
         let encoding = Encoding::new(initial, config.encoding())?;
         let mut spaces = Vec::new();
         for shown in config.demonstrations_are.starts(demonstrations) {
-            let start = if spaces.is_empty() { *initial } else { encoding.refit(shown) };
+            let start = if spaces.is_empty() { *initial } else { encoding.refit(shown)? };
             spaces.push(space(&start, &encoding, config, shown)?);
         }
         let joined = vec![0; spaces.len()];
@@ -89,7 +89,8 @@ impl Problem {
                      it as long, they share their clock"
                 )));
             }
-            self.spaces.push(space(&encoding.refit(&shown), encoding, config, &shown)?);
+            let start = encoding.refit(&shown).map_err(|error| misfit(error.to_string()))?;
+            self.spaces.push(space(&start, encoding, config, &shown)?);
             self.joined.push(*after);
         }
         Ok(self)
@@ -105,12 +106,13 @@ impl Problem {
         self.joined.last().copied().unwrap_or(0)
     }
 
-    /// The same problem, where the task can compute some of its measures: from springs.
+    /// The same problem, where the task can compute some of its measures: from springs whose orientations are
+    /// rotation vectors.
     pub fn with_prediction(self, config: &LearnerConfig, predictor: Option<Predictor>) -> Problem {
         let (Some(predictor), Policies::Arm(encoding)) = (predictor, &self.policies) else {
             return self;
         };
-        if !encoding.drives_springs() {
+        if !encoding.drives_springs() || encoding.is_on_sphere() {
             return self;
         }
         let (targets, encoding) = (config.search.targets().to_vec(), Arc::clone(encoding));

@@ -54,6 +54,7 @@ UTF-8, UTF-16 or Latin-1, comments after #, % or //. Columns in any order; other
   x_m, y_m, z_m            tip in the world frame (or _cm, _mm), and its orientation:
                            pitch_rad, roll_rad, yaw_rad (or _deg; y, x, z of the rotation vector,
                            0 when absent), or a unit quaternion qw, qx, qy, qz
+With learner.orientation = \"sphere\" in the file of --config it may turn any way and any number of times.
 Units may also stand in the header, as in 't [s]' or 'q1 (deg)', or in a row below it. Without a unit,
 lengths are m, angles rad, and the size of the steps tells the unit of the time. The names that
 `rostopic echo -p`, PlotJuggler, TUM/evo, EuRoC, UR RTDE, LeRobot and libfranka write are known;

@@ -70,6 +70,7 @@ fn import(args: &ImportArgs) -> Result<Verdict> {
         slow: args.slow,
         at_start: args.at_start.then(|| kinematics::tip_pose(&model, &q0)),
         columns: args.columns.clone(),
+        orientation: config.learner.orientation,
     };
     let imported = demo::import(&file, &bytes, &model, &options)?;
     imported.warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));

@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, bail};
 use learner::compliance::ComplianceConfig;
 use learner::learner::judged_by as judged_by_so_far;
+use learner::parameters::PolicyIds;
 use learner::problem::Problem;
 use learner::store::Store;
 use learner::summary::Summary as Achievement;
@@ -133,7 +134,12 @@ fn prepare(args: &LearnArgs) -> Result<(SessionFolder, Config)> {
     config.task.judge.as_ref().map_or(Ok(()), command::check)?;
     if config.has_arm() && !Store::exists(&folder.database()) {
         // What demonstrations do not allow is said before a process starts.
-        Problem::new(&config.learner, &demonstrations)?;
+        let problem = Problem::new(&config.learner, &demonstrations)?;
+        if config.learner.n_components.number().is_none() {
+            let initial = problem.decode(&problem.spaces[0].theta_0, PolicyIds::default());
+            let n = initial.n_systems;
+            say(&format!("learner.n_components = \"bic\": the criterion chose {n} components"));
+        }
     }
     if Store::exists(&folder.database()) {
         let session = || format!("session {}", folder.dir().display());

@@ -4,6 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
+use learner::path::{PathRow, unwrapped};
 use learner::store::{Store, TrialRecord};
 use learner::summary::Summary;
 use learner::wish::{Wish, Wishes};
@@ -70,6 +71,11 @@ fn gather(folder: &SessionFolder, notes: &[(String, String)]) -> Result<ReportDa
         None => initial,
     };
     let measures_of = |rollout| trials.iter().find(|t| t.rollout == rollout).map(|t| t.measures);
+    let path = |rollout| -> Result<Vec<PathRow>> {
+        let rows = store.path(rollout)?.unwrap_or_default();
+        let is_vector = store.meta().learner.orientation.is_vector();
+        Ok(if is_vector { rows } else { unwrapped(rows) })
+    };
     Ok(ReportData {
         task: store.meta().task.clone(),
         session: folder.name(),
@@ -79,8 +85,8 @@ fn gather(folder: &SessionFolder, notes: &[(String, String)]) -> Result<ReportDa
         learnt,
         learnt_rollout,
         // Rollout 1 executes the initial policy itself.
-        initial_path: store.path(1)?.unwrap_or_default(),
-        learnt_path: store.path(learnt_rollout)?.unwrap_or_default(),
+        initial_path: path(1)?,
+        learnt_path: path(learnt_rollout)?,
         learnt_measures: measures_of(learnt_rollout).unwrap_or(Measures::NONE),
         notes: [wishes_text(&wishes), notes.to_vec()].concat(),
         modes: modes::rows(&store, config.learner.prefer)?,

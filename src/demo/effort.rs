@@ -2,8 +2,7 @@
 
 use anyhow::{Context, Result, anyhow};
 use learner::Demonstration;
-use learner::trajectory::{Pose, derivatives};
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use learner::trajectory::derivatives;
 use physics::arm::{ArmModel, JointVector, MAX_JOINTS, dynamics, inverse_kinematics};
 use serde_json::json;
 
@@ -131,18 +130,12 @@ fn joint_path(
 ) -> Result<Vec<[f64; MAX_JOINTS]>> {
     let mut q = *q0;
     let mut path = Vec::with_capacity(demonstration.poses().len());
-    for (k, pose) in demonstration.poses().iter().enumerate() {
-        q = inverse_kinematics::solve(model, &isometry(pose), &q).with_context(|| {
+    for (k, target) in demonstration.path().iter().enumerate() {
+        q = inverse_kinematics::solve(model, target, &q).with_context(|| {
             let (file, t) = (demonstration.file(), k as f64 * demonstration.period_s());
             format!("{file}: the pan cannot get there at t = {t:.2} s")
         })?;
         path.push(q.into());
     }
     Ok(path)
-}
-
-/// Task pose x, y, z, pitch, roll, yaw → X_WP.
-fn isometry(pose: &Pose) -> Isometry3<f64> {
-    let rotation = UnitQuaternion::from_scaled_axis(Vector3::new(pose[4], pose[3], pose[5]));
-    Isometry3::from_parts(Translation3::new(pose[0], pose[1], pose[2]), rotation)
 }

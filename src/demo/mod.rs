@@ -25,9 +25,11 @@ mod time;
 mod time_names;
 
 use anyhow::{Result, bail};
-use learner::demonstration::{DURATION_S, MIN_POINTS};
+use imitation::sphere;
+use learner::demonstration::{DURATION_S, MIN_POINTS, QUATERNION_COLUMNS};
+use learner::orientation::Orientation;
 use learner::trajectory::Pose;
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, UnitQuaternion};
 use physics::arm::ArmModel;
 
 pub use effort::Effort;
@@ -55,11 +57,16 @@ pub struct Options {
     pub at_start: Option<Isometry3<f64>>,
     /// Columns that the user names.
     pub columns: Vec<Assignment>,
+    /// Rotation vectors, or quaternions of any number of turns.
+    pub orientation: Orientation,
 }
 
 /// A movement at a uniform rate, beginning at time 0.
 pub struct Imported {
+    /// On the sphere without their rotations.
     pub poses: Vec<Pose>,
+    /// On the sphere: with the signs of a path.
+    pub quaternions: Option<Vec<UnitQuaternion<f64>>>,
     pub rate_hz: f64,
     pub recorded: usize,
     /// How the file was understood, in words.
@@ -71,7 +78,8 @@ pub struct Imported {
 /// Reads the `bytes` of `file`, and lays samples on them: at start + k / rate, up to the first at or
 /// after the end, which holds the last pose.
 pub fn import(file: &str, bytes: &[u8], model: &ArmModel, options: &Options) -> Result<Imported> {
-    let recording = Recording::read(file, bytes, model, &options.columns)?;
+    let orientation = options.orientation;
+    let recording = Recording::read(file, bytes, model, &options.columns, orientation)?;
     let times_s = &recording.times_s;
     let (first, last) = (times_s[0], times_s[times_s.len() - 1]);
     let start = within(file, "--start", options.start_s.unwrap_or(first), first, last)?;
@@ -109,13 +117,25 @@ pub fn import(file: &str, bytes: &[u8], model: &ArmModel, options: &Options) -> 
     let rate = options.rate_hz * options.slow;
     let at: Vec<f64> = (0..=n).map(|k| (start + k as f64 / rate).min(end)).collect();
     let relative = options.at_start.is_some();
-    let mut path = recording.path(file, model, options.smooth_s, &at, relative)?;
+    let mut path = match orientation {
+        Orientation::Vector => recording.path(file, model, options.smooth_s, &at, relative)?,
+        Orientation::Sphere => recording.path_on_sphere(model, options.smooth_s, &at),
+    };
     if let Some(start) = &options.at_start {
         shift::begin_at(&mut path, start);
     }
-    let poses = path.iter().zip(&at).map(|(pose, t)| pose_at(file, pose, *t));
+    let pose = |(pose, t): (&Isometry3<f64>, &f64)| match orientation {
+        Orientation::Vector => pose_at(file, pose, *t),
+        Orientation::Sphere => {
+            let p = pose.translation.vector;
+            Ok([p.x, p.y, p.z, 0.0, 0.0, 0.0])
+        }
+    };
+    let rotations: Vec<UnitQuaternion<f64>> = path.iter().map(|pose| pose.rotation).collect();
+    let is_sphere = orientation == Orientation::Sphere;
     Ok(Imported {
-        poses: poses.collect::<Result<_>>()?,
+        poses: path.iter().zip(&at).map(pose).collect::<Result<_>>()?,
+        quaternions: is_sphere.then(|| sphere::continuous(&rotations)),
         rate_hz: options.rate_hz,
         recorded: times_s.len(),
         format: recording.format,
@@ -142,8 +162,16 @@ fn pose_at(file: &str, pose: &Isometry3<f64>, t_s: f64) -> Result<Pose> {
 }
 
 impl Imported {
-    /// `t_s,x_m,y_m,z_m,pitch_rad`, and roll and yaw where there are any.
+    /// `t_s,x_m,y_m,z_m,pitch_rad`, and roll and yaw where there are any; on the sphere a quaternion.
     pub fn csv(&self) -> String {
+        if let Some(quaternions) = &self.quaternions {
+            let mut text = format!("{}\n", QUATERNION_COLUMNS.join(","));
+            for (k, (pose, q)) in self.poses.iter().zip(quaternions).enumerate() {
+                let row = [pose[0], pose[1], pose[2], q.w, q.i, q.j, q.k];
+                text += &self.row(k, &row);
+            }
+            return text;
+        }
         let turns = |pose: &Pose| pose[4..].iter().any(|angle| angle.abs() > NO_ANGLE_RAD);
         let (more, columns) = match self.poses.iter().any(turns) {
             true => (",roll_rad,yaw_rad", 6),
@@ -151,13 +179,19 @@ impl Imported {
         };
         let mut text = format!("{}{more}\n", columns::TASK_HEADER);
         for (k, pose) in self.poses.iter().enumerate() {
-            text += &format!("{:.6}", k as f64 / self.rate_hz);
-            for value in &pose[..columns] {
-                // A zero has no sign.
-                text += &format!(",{:.9}", (value * 1e9).round() / 1e9 + 0.0);
-            }
-            text.push('\n');
+            text += &self.row(k, &pose[..columns]);
         }
+        text
+    }
+
+    /// Time and `values` of sample `k`, a line.
+    fn row(&self, k: usize, values: &[f64]) -> String {
+        let mut text = format!("{:.6}", k as f64 / self.rate_hz);
+        for value in values {
+            // A zero has no sign.
+            text += &format!(",{:.9}", (value * 1e9).round() / 1e9 + 0.0);
+        }
+        text.push('\n');
         text
     }
 }

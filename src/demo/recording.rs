@@ -2,6 +2,7 @@
 #![allow(non_snake_case)] // monogram notation: X_WP, R
 
 use anyhow::{Context, Result, bail};
+use imitation::sphere;
 use learner::smoothing::smooth;
 use learner::trajectory::{Pose, sample};
 use nalgebra::{Isometry3, Matrix3, Quaternion, Rotation3, Translation3, UnitQuaternion, Vector3};
@@ -53,6 +54,7 @@ impl Recording {
         bytes: &[u8],
         model: &ArmModel,
         mapping: &[Assignment],
+        orientation: learner::orientation::Orientation,
     ) -> Result<Recording> {
         let n_joints = model.joint_names().len();
         let Some(table) = primitive::table(file, bytes, n_joints, !mapping.is_empty())? else {
@@ -82,7 +84,8 @@ impl Recording {
         let names: Vec<&str> = columns.values().iter().map(|column| &column.name[..]).collect();
         let dense = gaps::fill(file, &names, &read.sparse)?;
         let mut warnings = [read.warnings, columns.warnings.clone(), dense.warnings].concat();
-        let row = |k: usize| Row { file, line: dense.lines[k], values: &dense.rows[k] };
+        let is_sphere = !orientation.is_vector();
+        let row = |k: usize| Row { file, line: dense.lines[k], values: &dense.rows[k], is_sphere };
         let all = 0..dense.rows.len();
         let motion = match &columns.quantities {
             Quantities::Joints(joints) => {
@@ -133,13 +136,7 @@ impl Recording {
     ) -> Result<Vec<Isometry3<f64>>> {
         let times_s = &self.times_s;
         match &self.motion {
-            Motion::Joints(joints) => {
-                let smoothed = smooth_s.map(|width_s| smooth(times_s, joints, width_s));
-                let joints = sample(times_s, smoothed.as_ref().unwrap_or(joints), at_s);
-                let tip =
-                    |q: &[f64; MAX_JOINTS]| kinematics::tip_pose(model, &JointVector::from(*q));
-                Ok(joints.iter().map(tip).collect())
-            }
+            Motion::Joints(joints) => Ok(tips(model, times_s, joints, smooth_s, at_s)),
             Motion::Poses(poses) => {
                 let from = if relative { poses[0].rotation } else { UnitQuaternion::identity() };
                 let mut vectors: Vec<Pose> = Vec::new();
@@ -162,13 +159,65 @@ impl Recording {
     }
 }
 
+impl Recording {
+    /// As [`Recording::path`], with turns instead of rotation vectors: over any number of revolutions.
+    pub fn path_on_sphere(
+        &self,
+        model: &ArmModel,
+        smooth_s: Option<f64>,
+        at_s: &[f64],
+    ) -> Vec<Isometry3<f64>> {
+        let times_s = &self.times_s;
+        let poses = match &self.motion {
+            Motion::Joints(joints) => return tips(model, times_s, joints, smooth_s, at_s),
+            Motion::Poses(poses) => poses,
+        };
+        let rotations: Vec<_> = poses.iter().map(|pose| pose.rotation).collect();
+        let vector = |(pose, turn): (&Isometry3<f64>, Vector3<f64>)| -> Pose {
+            let p = pose.translation.vector;
+            [p.x, p.y, p.z, turn.x, turn.y, turn.z]
+        };
+        let mut vectors: Vec<Pose> =
+            poses.iter().zip(sphere::turns(&rotations)).map(vector).collect();
+        if let Some(width_s) = smooth_s {
+            vectors = smooth(times_s, &vectors, width_s);
+        }
+        let turn = |v: &Pose| Vector3::new(v[3], v[4], v[5]);
+        let first = UnitQuaternion::from_scaled_axis(turn(&vectors[0])) * rotations[0];
+        let knots = sphere::orientations(&first, &vectors.iter().map(turn).collect::<Vec<_>>());
+        let tip = |(v, t_s): (&Pose, &f64)| {
+            // From the row before on.
+            let k = times_s.partition_point(|other| other <= t_s).max(1) - 1;
+            let since = turn(v) - turn(&vectors[k]);
+            let rotation = UnitQuaternion::from_scaled_axis(since) * knots[k];
+            Isometry3::from_parts(Translation3::new(v[0], v[1], v[2]), rotation)
+        };
+        sample(times_s, &vectors, at_s).iter().zip(at_s).map(tip).collect()
+    }
+}
+
+/// The tip of an arm whose joints were recorded, at `at_s`.
+fn tips(
+    model: &ArmModel,
+    times_s: &[f64],
+    joints: &[[f64; MAX_JOINTS]],
+    smooth_s: Option<f64>,
+    at_s: &[f64],
+) -> Vec<Isometry3<f64>> {
+    let smoothed = smooth_s.map(|width_s| smooth(times_s, joints, width_s));
+    let joints = sample(times_s, smoothed.as_deref().unwrap_or(joints), at_s);
+    let tip = |q: &[f64; MAX_JOINTS]| kinematics::tip_pose(model, &JointVector::from(*q));
+    joints.iter().map(tip).collect()
+}
+
 /// Refuses a rotation vector (rad) near its jump; `place` says where it is.
 pub fn check_turn(rotation: &Vector3<f64>, place: impl Fn() -> String) -> Result<()> {
     let turn = rotation.norm();
     if turn > MAX_TURN_RAD {
         bail!(
             "{}: turned by {turn:.2} rad from the world's axes, and rotation vectors jump at π: record \
-             within {MAX_TURN_RAD} rad, turn the tip's frame, or let --at-start do so",
+             within {MAX_TURN_RAD} rad, turn the tip's frame, let --at-start do so, or set \
+             learner.orientation = \"sphere\" in the file of --config",
             place()
         );
     }
@@ -224,6 +273,8 @@ struct Row<'a> {
     file: &'a str,
     line: u64,
     values: &'a [f64],
+    /// Any turn will do.
+    is_sphere: bool,
 }
 
 impl Row<'_> {
@@ -279,7 +330,9 @@ impl Row<'_> {
             Orientation::RotationVector(angles) => {
                 let r = rotation_vector(angles, values);
                 // Before it becomes a quaternion, which knows no turn beyond π.
-                check_turn(&r, || self.at())?;
+                if !self.is_sphere {
+                    check_turn(&r, || self.at())?;
+                }
                 Ok(UnitQuaternion::from_scaled_axis(r))
             }
             Orientation::Quaternion(_) => {

@@ -24,6 +24,7 @@ const AS_IT_IS: Options = Options {
     slow: 1.0,
     at_start: None,
     columns: Vec::new(),
+    orientation: Orientation::Vector,
 };
 
 fn import(file: &str, text: &str, model: &ArmModel, options: &Options) -> Result<Imported> {
@@ -123,6 +124,52 @@ fn trims_resamples_and_writes_roll_and_yaw_only_when_there_are_any() {
     // The last sample is the first at or after the end, and holds it.
     assert!(lines.last().unwrap().starts_with("1.000000,0.150000000"), "{}", lines.last().unwrap());
     assert_eq!(lines.len(), 1 + 51);
+}
+
+/// A turn by 1.4 revolutions about the vertical of a tip that tilts meanwhile.
+fn turning(t_s: f64) -> UnitQuaternion<f64> {
+    let about = |axis: Vector3<f64>, angle: f64| UnitQuaternion::from_scaled_axis(axis * angle);
+    about(Vector3::z(), 1.4 * 2.0 * PI * t_s / 2.0) * about(Vector3::x(), 0.5 * t_s)
+}
+
+#[test]
+fn full_turns_are_imported_on_the_sphere_and_refused_as_rotation_vectors() {
+    let times: Vec<f64> = (0..=100).map(|k| 0.02 * k as f64).collect();
+    let row = |t: &f64| {
+        let q = turning(*t);
+        format!("{t},{},0,0,{},{},{},{}\n", 0.1 * t, q.w, q.i, q.j, q.k)
+    };
+    let rows: String = times.iter().map(row).collect();
+    let text = format!("t_s,x_m,y_m,z_m,qw,qx,qy,qz\n{rows}");
+    let refused = import("r.csv", &text, &arm(), &AS_IT_IS).err().expect("it turns").to_string();
+    assert!(refused.contains("jump at π") && refused.contains("learner.orientation"), "{refused}");
+
+    let sphere = Options { orientation: Orientation::Sphere, ..AS_IT_IS };
+    let part = Options { start_s: Some(0.4), smooth_s: Some(0.03), ..sphere.clone() };
+    for (options, begin_s, tolerance) in [(sphere, 0.0, 1e-3), (part, 0.4, 5e-3)] {
+        let imported = import("r.csv", &text, &arm(), &options).unwrap();
+        assert!(imported.csv().starts_with("t_s,x_m,y_m,z_m,qw,qx,qy,qz\n"));
+        let back = read_back(&imported);
+        for (k, rotation) in back.rotations().iter().enumerate() {
+            let error = rotation.angle_to(&turning(begin_s + 0.01 * k as f64));
+            assert!(error < tolerance, "{k}: {error} rad");
+        }
+        let [first, last] = [back.poses()[0], *back.poses().last().unwrap()];
+        let turned = last[5] - first[5];
+        let expected = 1.4 * PI * (2.0 - begin_s);
+        assert!((turned - expected).abs() < 0.01, "{turned} rad instead of {expected}");
+    }
+}
+
+#[test]
+fn rotation_vectors_of_any_length_are_full_turns_on_the_sphere() {
+    let row = |k: usize| format!("{},0,0,0,{}\n", 0.02 * k as f64, 0.1 * k as f64);
+    let rows: String = (0..=100).map(row).collect();
+    let text = format!("t_s,x_m,y_m,z_m,yaw_rad\n{rows}");
+    let sphere = Options { orientation: Orientation::Sphere, ..AS_IT_IS };
+    let back = read_back(&import("r.csv", &text, &arm(), &sphere).unwrap());
+    let last = back.poses().last().unwrap();
+    assert!((last[5] - 10.0).abs() < 1e-6 && last[3].abs() < 1e-6, "{last:?}");
 }
 
 #[test]

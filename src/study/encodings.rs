@@ -90,7 +90,7 @@ fn around_obstacle(encoding: EncodingKind, seed: u64) -> Result<Vec<Trial>> {
 fn hand(config: &Config) -> LearnerConfig {
     let mut learner = config.learner.clone();
     // Found on seeds 0 to 9. A component of a field has more numbers than others.
-    learner.n_components = if learner.encoding == EncodingKind::Seds { 3 } else { 6 };
+    learner.n_components = if learner.encoding == EncodingKind::Seds { 3 } else { 6 }.into();
     (learner.task_dim, learner.kappa_p) = (3, 100.0);
     learner.exploration.kind = ExplorationKind::White;
     // As in the task itself, a unit is a metre and a large change of stiffness.

@@ -55,7 +55,7 @@ fn configure(config: &mut Config) {
     // Found on seeds 1 to 40. A swing bears smaller changes than a toss; wide ones find catches that are
     // far apart, and between them there is none.
     let learner = &mut config.learner;
-    learner.n_components = 12;
+    learner.n_components = 12.into();
     let exploration = &mut learner.exploration;
     exploration.position_amplitude = 0.06;
     exploration.peak_offset_m = [0.02, 0.0, 0.02];

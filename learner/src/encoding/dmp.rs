@@ -8,6 +8,7 @@ use nalgebra::DVector;
 use search::Bounds;
 use shm_types::policy::PolicyMsg;
 
+use crate::orientation::{attractors, put_attractors};
 use crate::parameters::{
     ATTRACTOR_MAX, N_POSITIONS, ParameterError, PolicyIds, Scales, check_shape, extent, no_end,
     tidied,
@@ -31,6 +32,10 @@ impl Dmp {
         Ok(Dmp { base: tidied(base), scales })
     }
 
+    pub(super) fn base(&self) -> &PolicyMsg {
+        &self.base
+    }
+
     fn task_dim(&self) -> usize {
         self.base.task_dim as usize
     }
@@ -48,7 +53,8 @@ impl Dmp {
     pub fn encode(&self, policy: &PolicyMsg) -> Result<DVector<f64>, ParameterError> {
         check_shape(&self.base, policy)?;
         let (d, last) = (self.task_dim(), self.last());
-        let goal = policy.components()[last].attractor;
+        let attractors = attractors(policy);
+        let goal = attractors[last];
         for (component, (own, base)) in
             policy.components().iter().zip(self.base.components()).enumerate()
         {
@@ -59,7 +65,7 @@ impl Dmp {
         Ok(DVector::from_fn(self.dim(), |entry, _| {
             let (i, c) = (entry / d, entry % d);
             let from = if i == last { 0.0 } else { goal[c] };
-            (policy.components()[i].attractor[c] - from) / self.scales.attractor(c)
+            (attractors[i][c] - from) / self.scales.attractor(c)
         }))
     }
 
@@ -74,14 +80,15 @@ impl Dmp {
         assert!(theta.iter().all(|value| value.is_finite()), "θ must be finite");
         let (d, last) = (self.task_dim(), self.last());
         let mut policy = ids.name(&self.base);
+        let mut attractors = attractors(&self.base);
         for i in 0..=last {
             for c in 0..d {
                 let from = if i == last { 0.0 } else { theta[last * d + c] };
-                policy.components[i].attractor[c] = ((from + theta[i * d + c])
-                    * self.scales.attractor(c))
-                .clamp(-ATTRACTOR_MAX, ATTRACTOR_MAX);
+                attractors[i][c] = ((from + theta[i * d + c]) * self.scales.attractor(c))
+                    .clamp(-ATTRACTOR_MAX, ATTRACTOR_MAX);
             }
         }
+        put_attractors(&mut policy, &attractors);
         policy.sealed()
     }
 

@@ -166,7 +166,7 @@ fn movements_without_one_peak_have_no_phases() {
     };
     let refusal = |demonstration: &Demonstration, components: usize| {
         let mut config = config(4);
-        config.n_components = components;
+        config.n_components = components.into();
         let problem = Problem::new(&config, std::slice::from_ref(demonstration));
         problem.err().map(|error| error.to_string())
     };
