@@ -117,15 +117,16 @@ fn serve(cell: &Cell, feed: &Feed<'_>) -> Result<()> {
             ports.meet_newcomers();
         }
         let mut is_idle = true;
-        while let Ok(Some(policy)) = ports.policies.receive() {
-            asked = Some(*policy);
-            is_idle = false;
-            answer(&ports, &policy, feed)?;
-        }
+        // First, as the next proposal comes right after it.
         while let Ok(Some(ack)) = ports.acks.receive() {
             if asked.take_if(|asked| ack.covers(asked.session, asked.rollout)).is_some() {
                 feed.durable.fetch_add(1, Ordering::Relaxed);
             }
+        }
+        while let Ok(Some(policy)) = ports.policies.receive() {
+            asked = Some(*policy);
+            is_idle = false;
+            answer(&ports, &policy, feed)?;
         }
         if is_idle {
             std::thread::sleep(Duration::from_micros(200));

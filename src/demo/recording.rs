@@ -58,10 +58,11 @@ impl Recording {
     ) -> Result<Recording> {
         let n_joints = model.joint_names().len();
         let Some(table) = primitive::table(file, bytes, n_joints, !mapping.is_empty())? else {
-            return Recording::of_table(file, bytes, model, mapping);
+            return Recording::of_table(file, bytes, model, mapping, orientation);
         };
         let played = format!("{file}, played as a table");
-        let mut recording = Recording::of_table(&played, table.as_bytes(), model, mapping)?;
+        let mut recording =
+            Recording::of_table(&played, table.as_bytes(), model, mapping, orientation)?;
         recording.format[..2].clone_from_slice(&[
             ("recorder", "dmpbbo".to_string()),
             ("text", "JSON, a primitive that is played".to_string()),
@@ -74,6 +75,7 @@ impl Recording {
         bytes: &[u8],
         model: &ArmModel,
         mapping: &[Assignment],
+        orientation: learner::orientation::Orientation,
     ) -> Result<Recording> {
         container::refuse(file, bytes)?;
         let (text, encoding) = encoding::decode(file, bytes)?;

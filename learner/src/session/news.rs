@@ -12,8 +12,10 @@ use crate::learner::Learner;
 use crate::modes::ModeReport;
 use crate::store::TrialRecord;
 
-/// Trials between two looks at the modes: judging them takes longer than a trial of a fast task.
+/// Trials between two looks at the modes, and after how many more trials one is as dear as another ten trials: judging
+/// them takes longer than a trial of a fast task, and the longer the more trials there are.
 const MODES_EVERY: usize = 10;
+const DEARER: usize = 200;
 
 /// What was last told of the modes.
 #[derive(Default)]
@@ -38,7 +40,9 @@ impl News {
         on_event: &mut dyn FnMut(Event<'_>),
     ) {
         let Some(newest) = learner.trials().last() else { return };
-        if learner.trials().len().is_multiple_of(MODES_EVERY) || learner.is_done() {
+        let n = learner.trials().len();
+        let every = MODES_EVERY * (n / DEARER + 1).min(MODES_EVERY);
+        if n.is_multiple_of(every) || learner.is_done() {
             // What cannot be judged is told again later; nothing depends on it.
             let reports = learner.mode_reports().unwrap_or_default();
             self.modes = reports.iter().take(MAX_MODES).map(news_of_mode).collect();
