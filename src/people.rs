@@ -39,9 +39,9 @@ pub enum Answer {
 impl Answer {
     pub fn sentence(self) -> String {
         match self {
-            Answer::Taken { from } => format!("taken; it counts from rollout {from} on"),
-            Answer::Recorded => "recorded; the learner takes it after the rollout under way".into(),
-            Answer::AtRest => "recorded; the learner takes it when the session is resumed".into(),
+            Answer::Taken { from } => format!("accepted; takes effect from rollout {from}"),
+            Answer::Recorded => "recorded; takes effect after the current rollout".into(),
+            Answer::AtRest => "recorded; takes effect when the session is resumed".into(),
         }
     }
 
@@ -77,7 +77,7 @@ pub fn rate(folder: &SessionFolder, rollout: Option<u64>, word: Word) -> Result<
     if !people.takes_ratings() {
         bail!(
             "{}: ratings do not count in this session: start one with learner.people.weight above 0, the \
-             share of ratings in a reward",
+             share of ratings in the reward",
             folder.dir().display()
         );
     }
@@ -143,7 +143,7 @@ fn expect_executed(folder: &SessionFolder, trials: &[TrialRecord], rollout: u64)
             "rollout {rollout} was not executed: it was refused or set aside, see `skillet trials`"
         ),
         None => {
-            bail!("{}: has no rollout {rollout}, but 1..={}", folder.dir().display(), trials.len())
+            bail!("{}: no rollout {rollout}; use 1..={}", folder.dir().display(), trials.len())
         }
     }
 }
@@ -175,8 +175,8 @@ fn await_taken<T>(
     match found(&open(folder)?)? {
         Some(found) => Ok(Ok(found)),
         None => bail!(
-            "{}: the learner refused it; learner.log in the session folder, or the log of its service, says \
-             why",
+            "{}: refused by the learner; see learner.log in the session folder, or the log of its service, for \
+             the reason",
             folder.dir().display()
         ),
     }

@@ -131,10 +131,7 @@ fn what_a_program_says_is_stored_and_it_is_needed_no_more() {
     let said = bench.ok(&["replay", "whole", "--all"]);
     assert!(said.contains("24 trials replayed, 0 different"), "{said}");
     let said = bench.ok(&["judge", "--again", "whole", "--config", "whole/session.toml"]);
-    assert!(
-        said.contains("24 trials judged again: 0 with another reward, 0 with another"),
-        "{said}"
-    );
+    assert!(said.contains("24 trials re-judged: 0 with another reward, 0 with another"), "{said}");
     let table = bench.ok(&["trials", "whole", "--csv", "-"]);
     let header = table.lines().next().unwrap();
     assert!(header.contains("height,judge_reward,judge_success,gap"), "{header}");

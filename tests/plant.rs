@@ -40,7 +40,7 @@ fn our_simulation_in_another_process_leads_to_the_same_trials_bit_for_bit() {
         assert_eq!(bits(&inside), bits(&bench.trials(session)), "{session}");
         // Nothing is left: no process, no shared memory of theirs.
         let log = std::fs::read_to_string(bench.path(session).join("plant.log")).unwrap();
-        assert!(log.contains("the controller is there"), "{log}");
+        assert!(log.contains("connected to the controller"), "{log}");
     }
 }
 
@@ -97,7 +97,7 @@ fn a_plant_that_differs_is_refused_on_both_sides_with_both_values() {
     let waiting = eventually("a controller without a plant", || {
         status(&bench).filter(|status| status["plant"] == "absent")
     });
-    assert!(waiting["findings"].to_string().contains("no plant has come yet"), "{waiting:#}");
+    assert!(waiting["findings"].to_string().contains("no plant has connected yet"), "{waiting:#}");
     for (settings, words) in [
         ("[controller]\nperiod_us = 500\n", ["500000 ns", "1000000"]),
         (
@@ -224,7 +224,7 @@ fn learn_says_that_the_arm_is_held() {
     let output = running.wait();
     let said = stderr(&output);
     assert!(output.status.success(), "{said}");
-    assert!(said.contains("the arm is held: somebody asked for the hold"), "{said}");
+    assert!(said.contains("the arm is held: held by operator"), "{said}");
     assert!(said.contains(&format!("skillet rearm --cell {cell}")), "{said}");
     assert_eq!(bench.trials("s").len(), 40);
 }

@@ -82,7 +82,7 @@ fn the_elbow_goes_aside_while_a_policy_is_served_and_comes_back() {
     assert_eq!(status(&bench).unwrap()["posture_offset_rad"], moved["offset_rad"]);
 
     let said = bench.ok(&["posture", "--reset", "--cell", "c1"]);
-    assert!(said.contains("goes back to its start within 1.0 s"), "{said}");
+    assert!(said.contains("returns to its start within 1.0 s"), "{said}");
     until(&bench, "an elbow back", |tick| tick.t_s > 0.8 && tick.q[0].abs() < 0.05);
     assert!(status(&bench).unwrap()["posture_offset_rad"].is_null());
 

@@ -54,7 +54,7 @@ pub trait Assessor: Send {
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum AssessError {
     /// It is still at work.
-    #[error("the judge is still at work")]
+    #[error("the judge is still running")]
     NotYet,
     /// It cannot judge this rollout, and says why. The next one it may.
     #[error("{0}")]

@@ -189,7 +189,7 @@ impl Learner {
         self.history.wishes = self.store.wishes()?;
         self.in_flight.clear();
         let said = if text.is_empty() { "nothing".into() } else { format!("`{text}`") };
-        let said = format!("from rollout {next} on a success must be so: {said}");
+        let said = format!("from rollout {next} on a success must meet: {said}");
         tracing::info!("{said}");
         Ok(self.store.record_event("wish", &said)?)
     }

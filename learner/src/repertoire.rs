@@ -1,6 +1,6 @@
 //! The repertoire of a session: whatever its rollouts show that it can do, at hand for those with a wish.
 //!
-//! Of all rollouts that succeeded as wished, the answer is the one whose neighbours did so too, moved to
+//! From all rollouts that met the condition, selects the one whose neighbours met it too, moved to
 //! their mean. Neighbours are weighed by k = exp(−|eᵢ − eⱼ|²/2ℓ²), where θ = θ₀ + L e; the chance of a
 //! rollout is Σⱼ kᵢⱼ okⱼ / (1 + Σⱼ kᵢⱼ): one that stands alone counts half.
 
@@ -29,7 +29,7 @@ pub struct Served {
 /// Why there is no policy for a wish.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum Unserved {
-    #[error("no rollout of this session has succeeded yet, so there is nothing to choose from")]
+    #[error("no rollout of this session has succeeded yet: there is nothing to choose from")]
     NoSuccess,
     #[error(
         "none of the {successes} rollouts that succeeded is as wished (`{wish}`); in them {served}: wish \

@@ -88,8 +88,8 @@ impl Recorder {
             }
             Seen::Measures(news) => self.scribe.measures(&Measures::from(&**news)),
             Seen::Lost(ticks) => self.scribe.warn(format!("{ticks} ticks were not seen")),
-            Seen::ControllerGone => self.scribe.warn("the controller has gone".into()),
-            Seen::ControllerBack => self.scribe.warn("a controller is there again".into()),
+            Seen::ControllerGone => self.scribe.warn("the controller is gone".into()),
+            Seen::ControllerBack => self.scribe.warn("the controller is back".into()),
         }
     }
 

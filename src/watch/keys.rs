@@ -98,7 +98,7 @@ impl Keys {
                 Action::Rate(word) => rate(&cell, newest, word),
                 action => carry_out(&cell, action),
             };
-            // Whoever has left does not need the answer.
+            // The receiver may be gone; nobody needs the reply then.
             let _ = said.send(answer);
         });
     }
@@ -125,7 +125,7 @@ fn carry_out(cell: &Cell, action: Action) -> String {
         Err(error) => return format!("{name}: {error}"),
     };
     match ports.request(&command, TIMEOUT) {
-        None => format!("{name}: no answer yet; see what is active above"),
+        None => format!("{name}: no reply yet; see the active policy above"),
         Some(reply) if reply.accepted != 1 => format!("{name}: refused: {}", reply.reason_text()),
         Some(reply) if reply.applied_tick > 0 => {
             let (policy, tick) = (reply.policy.describe(), reply.applied_tick);

@@ -43,19 +43,17 @@ pub(crate) enum Refusal {
     Posture(#[from] PostureError),
     #[error(transparent)]
     Disturbed(#[from] Disturbed),
-    #[error(
-        "the loop has not taken the postures before this one yet: repeat the command in a moment"
-    )]
+    #[error("the loop is still processing earlier postures: repeat the command in a moment")]
     PostureWaits,
     #[error("the rollout ended before policy {0} acted: {1}")]
     Abandoned(String, &'static str),
-    #[error("the arm is held after a machine fault ({0}): `skillet rearm` first")]
+    #[error("the arm is held ({0}): run `skillet rearm` first")]
     Latched(&'static str),
-    #[error("this task has no arm that could be held")]
+    #[error("this task has no arm to hold")]
     NoArm,
-    #[error("nothing is latched: there is nothing to re-arm")]
+    #[error("no fault is latched: there is nothing to re-arm")]
     NothingLatched,
-    #[error("{0}: still so, or a moment ago; mend it, wait a second and try again")]
+    #[error("{0}: still present within the last second; fix it, wait a second and try again")]
     StillPresent(&'static str),
     #[error("the cell's state cannot be saved ({0}): free space or fix permissions, then repeat")]
     NotKept(String),

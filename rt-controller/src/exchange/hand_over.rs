@@ -46,7 +46,7 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
             // What the loop applied before this rollout ended must be known first.
             self.take_applied();
             let Some(in_flight) = self.in_flight.take() else {
-                tracing::error!("an episode came back that was not asked for; dropped");
+                tracing::error!("received an episode that was not requested; dropped");
                 continue;
             };
             let Recording { n_records, applied_tick, .. } = done.recording;
@@ -115,7 +115,7 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
             }
             Err(error) => {
                 let rollout = message.rollout;
-                tracing::debug!(rollout, "succeeded, but is not to be served: {error}");
+                tracing::debug!(rollout, "succeeded, but cannot be served: {error}");
             }
         }
     }
@@ -129,7 +129,7 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
             self.active = true;
             if let Err(error) = result {
                 self.catalogue.errors += 1;
-                tracing::error!("episode not spooled: {error}; free space or mend permissions");
+                tracing::error!("episode not spooled: {error}; free space or fix permissions");
             }
             self.send(name, episode);
         }
@@ -170,7 +170,7 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
                 good.name().describe()
             ),
             None => tracing::error!(
-                "fault under policy {}: {why}; no good policy to go back to, the arm is held",
+                "fault under policy {}: {why}; no good policy to fall back to, the arm is held",
                 active.describe()
             ),
         }
@@ -204,14 +204,14 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
         match episode.send() {
             Ok(0) => tracing::warn!(
                 rollout = name.rollout,
-                "no learner took the episode; it will ask for the rollout again"
+                "no learner received the episode; it will request the rollout again"
             ),
             Ok(_) => {
                 let _ = self.ports.episode_sent.notify();
             }
             Err(error) => tracing::warn!(
                 rollout = name.rollout,
-                "episode not delivered ({error:?}); the learner will ask for the rollout again"
+                "episode not delivered ({error:?}); the learner will request the rollout again"
             ),
         }
     }
@@ -259,7 +259,7 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
             };
             *episode.user_header_mut() = header;
             episode.payload_mut()[..records.len()].copy_from_slice(&records);
-            tracing::info!(rollout = name.rollout, "episode sent again from the spool");
+            tracing::info!(rollout = name.rollout, "episode resent from the spool");
             self.send(name, episode);
             return;
         }
@@ -334,7 +334,7 @@ fn checked(measures: &Measures) -> Measures {
     match measures.validate() {
         Ok(()) => *measures,
         Err(error) => {
-            tracing::warn!("what the plant measured is dropped: {error}");
+            tracing::warn!("measures of the plant dropped: {error}");
             Measures::NONE
         }
     }

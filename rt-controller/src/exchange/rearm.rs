@@ -15,7 +15,7 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
             self.latched = Some(Latched::now(fault));
             self.remember();
             let why = Fault::describe(fault as u32);
-            tracing::error!("machine fault: {why}; the arm is held until `skillet rearm`");
+            tracing::error!("the arm is held: {why}; run `skillet rearm` to resume");
         }
         if !self.is_rearming {
             return;
@@ -69,7 +69,7 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
             if let (Some(files), Some(last)) = (&mut self.flights, record.last()) {
                 let path = files.add(self.boot_id, last.tick);
                 let why = Fault::describe(last.fault);
-                tracing::warn!("fault: {why}; the ticks before it: {}", path.display());
+                tracing::warn!("fault: {why}; the ticks before it are in {}", path.display());
                 self.catalogue.order(path, csv(&record, self.setup.n_joints));
             }
             record.clear();

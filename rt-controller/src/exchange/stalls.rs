@@ -56,7 +56,7 @@ impl Stalls {
             self.last = Some((stall, now));
             tracing::warn!(
                 stalls = self.count,
-                "the loop stood still for {:.1} s",
+                "the loop stalled for {:.1} s",
                 stall.as_secs_f64()
             );
         } else if round >= ROUND {
