@@ -21,7 +21,7 @@ const AT_ONCE: i32 = 130;
 /// Who is asked to end.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Who {
-    /// A command at work before somebody; the end of its terminal is its end.
+    /// A command in a terminal, which ends with it.
     Tool,
     /// A service; it lives on without its terminal, and SIGHUP is for `reload`.
     Service,

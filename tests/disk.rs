@@ -22,7 +22,7 @@ const SIZE: &str = "12m";
 
 fn status(bench: &Bench) -> Option<Value> {
     let output = bench.run(&["status", "--cell", "c1", "--json"]);
-    // Exit code 1: the cell is not well, which is what is wanted here.
+    // Exit code 1: the cell is unhealthy, as intended here.
     serde_json::from_slice(&output.stdout).ok().filter(|value: &Value| value["health"].is_string())
 }
 

@@ -1,4 +1,4 @@
-//! Plants in another process: the same bits, real deaths, and what is refused.
+//! Plants in another process: the same bits, real deaths, and refusals.
 
 mod util;
 
@@ -122,7 +122,7 @@ fn a_plant_that_differs_is_refused_on_both_sides_with_both_values() {
     drop(plant);
     controller.signal("TERM");
     let log = stderr(&controller.wait());
-    assert!(log.contains("a plant is refused") && log.contains("500000 ns"), "{log}");
+    assert!(log.contains("plant refused") && log.contains("500000 ns"), "{log}");
 }
 
 #[test]
@@ -209,7 +209,7 @@ fn a_plant_in_c_is_stepped() {
     assert!(stderr(&bad).contains("cell name"), "{}", stderr(&bad));
 }
 
-/// Whoever sits before a `learn` is told why nothing comes any more, and what to do.
+/// `learn` prints why there are no more trials, and what to do.
 #[test]
 fn learn_says_that_the_arm_is_held() {
     let bench = Bench::new();

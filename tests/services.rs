@@ -60,7 +60,7 @@ fn status_tells_what_a_controller_does_and_that_there_is_none() {
     });
     assert_eq!(done["rollouts_done"], 3);
     let left = eventually("farewell", || status(&bench).filter(|s| s["learner_age_s"].is_null()));
-    assert_eq!(left["health"], "ok", "a learner that ended in order is not missed");
+    assert_eq!(left["health"], "ok", "a learner that ended cleanly is not missed");
     assert!(done["applied_tick"].as_u64().unwrap() > 0);
 
     controller.signal("TERM");

@@ -207,7 +207,7 @@ fn an_error_shows_its_cause_or_returns_it_and_not_both() {
     }
 }
 
-/// A task is its own file and a name in the list: whoever adds one touches nothing else. Studies are about
+/// A task is its own file and a name in the list; adding one changes nothing else. Studies are about
 /// tasks, and may name them.
 #[test]
 fn a_task_is_named_in_its_own_file_and_in_the_list() {

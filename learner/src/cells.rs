@@ -21,7 +21,7 @@ const DEVIATIONS: f64 = 4.5;
 pub struct Odd {
     pub cell: String,
     pub trials: usize,
-    /// Of the comparisons with trials of other cells, the share in which its own had the lower reward; ties are half.
+    /// Share of comparisons with trials of other cells in which its own had the lower reward; ties count half.
     pub worse: f64,
 }
 

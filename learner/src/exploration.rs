@@ -66,10 +66,10 @@ pub enum StiffnessKind {
     /// One factor for position and one for rotation over the whole movement, from the start.
     #[default]
     Uniform,
-    /// Of position and rotation, before the peak of the demonstration and after it, once trials
+    /// One factor each for position and rotation, before and after the demonstration's peak, once trials
     /// succeed.
     Phases,
-    /// Of position and rotation of every component, once trials succeed.
+    /// One factor each for position and rotation of every component, once trials succeed.
     Components,
     /// As `phases`, and the coupling of each two coordinates that move: full matrices.
     Full,
@@ -190,7 +190,7 @@ pub(crate) fn directions(
     Ok(columns)
 }
 
-/// Of the alterations the one that makes the position's excursion larger.
+/// Index of the alteration that enlarges the position's excursion.
 const POSITION_AMPLITUDE: usize = 0;
 
 /// The demonstration, altered in each way by one unit of noise.

@@ -154,7 +154,7 @@ impl Learner {
         Ok(learner)
     }
 
-    /// Of the session in `directory`, whose trials were told.
+    /// The learner of the session in `directory`, whose trials have been replayed.
     fn of(
         directory: &Path,
         config: LearnerConfig,

@@ -56,7 +56,7 @@ pub struct Mail {
 }
 
 impl Mail {
-    /// Of the session in the folder `session`.
+    /// The mailbox of the session in the folder `session`.
     pub fn of(session: &Path) -> Mail {
         Mail { dir: session.join(FOLDER), trouble: None }
     }

@@ -1,7 +1,7 @@
 //! Judges that are people: ratings of rollouts, from 0 to 10, weighed with the robot's own reward.
 //!
 //! r = (1 − w)·own + w·`full_marks`·rating/10. A rollout without a rating counts by the robot's own reward;
-//! where ratings alone count (w = 1) the search is not told of it until somebody rates it.
+//! where only ratings count (w = 1) the search does not learn from it until it is rated.
 
 use serde::{Deserialize, Serialize};
 
@@ -74,7 +74,7 @@ impl PeopleConfig {
         self.weight * self.noise
     }
 
-    /// Success and reward of a rollout that somebody rated; `own` is what the robot's judge said.
+    /// Success and reward of a rated rollout; `own` is the verdict of the robot's judge.
     pub fn weigh(&self, own: (bool, f64), rating: f64) -> (bool, f64) {
         let worth = self.full_marks * rating / BEST;
         match self.takes_ratings_alone() {

@@ -29,7 +29,7 @@ pub struct Problem {
 /// How θ becomes a policy.
 #[derive(Clone)]
 enum Policies {
-    /// Of an arm that was shown a movement.
+    /// θ encodes the policy of an arm with a demonstration.
     Arm(Arc<Encoding>),
     /// Sec. 4.2: θ is the action.
     Action,

@@ -15,7 +15,7 @@ const UNRATED: f64 = 5.0;
 /// A better rollout gets this part of what the other one lacks to the best rating, a worse one loses this part.
 const STEP: f64 = 0.25;
 
-/// What somebody said of a rollout, as it took effect.
+/// A rating of a rollout, as it took effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rating {
     /// Id of the letter that said it.

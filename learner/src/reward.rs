@@ -69,13 +69,13 @@ pub struct RewardConfig {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CatchConfig {
-    /// Of the height, per m, and the height from which more earns no more, m.
+    /// Weight of the height, 1/m, and the height above which there is no further reward, m.
     pub height: f64,
     pub height_max_m: f64,
     pub angle: f64,
-    /// Of a pancake over the middle of the pan at the crossing.
+    /// Weight of a pancake over the middle of the pan at the crossing.
     pub aim: f64,
-    /// Of a pancake caught upside down in the middle of the pan, without bouncing, and without a
+    /// Weights of a pancake caught upside down in the middle of the pan, without bouncing, and without a
     /// torque at its limit.
     pub catch: f64,
     pub calm: f64,

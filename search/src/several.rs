@@ -102,7 +102,7 @@ impl Search for Several {
         }
     }
 
-    /// Of the search that does best at present.
+    /// The mean of the currently best search.
     fn mean(&self) -> &DVector<f64> {
         let best = (0..self.searches.len())
             .reduce(|a, b| if self.merit(b) > self.merit(a) { b } else { a })

@@ -109,12 +109,12 @@ pub(crate) struct Member {
 }
 
 impl Member {
-    /// Of a new generation, to be published when its services are there.
+    /// Joins a new generation, to be published once its services exist.
     pub fn first(cell: &Cell) -> Result<Member, ChannelError> {
         Member::of(cell, Generation::create(cell)?)
     }
 
-    /// Of the current one; `None` when there is none, or its controller has died.
+    /// Joins the current generation; `None` if there is none, or its controller has died.
     pub fn join(cell: &Cell) -> Result<Option<Member>, ChannelError> {
         cell.expect_own()?;
         if !cell.has(Role::Controller) {

@@ -2,7 +2,7 @@
 //!
 //! A process killed while it creates an iceoryx2 service leaves that service unusable for good. So a
 //! controller never meets what an earlier one left: it creates everything in a folder of its own, and
-//! only then names it as the current one. Whoever uses a generation holds a shared lock on its folder,
+//! only then names it as the current one. Every user of a generation holds a shared lock on its folder,
 //! which the kernel frees when the process ends, however it ends; what nobody holds is swept.
 //!
 //! ```text
@@ -125,7 +125,7 @@ impl Generation {
 }
 
 /// Deletes the shared memory and service files of all generations that nobody uses. Returns how many
-/// stay because somebody does. What cannot be deleted now does no harm, and is tried again.
+/// stay because another process does. What cannot be deleted now does no harm, and is tried again.
 pub(crate) fn sweep(cell: &Cell) -> usize {
     let in_use = |number: &u16| {
         let Ok(dir) = File::open(root(cell.dir(), *number)) else { return false };

@@ -1,7 +1,7 @@
 //! Measures: what is known of a rollout, as named numbers with units.
 //!
-//! A message of its own size whatever a task measures: names travel with the numbers, so that whoever
-//! comes late, and whoever reads years later, needs no table of the task's.
+//! A message of fixed size for the measures of any task. Names travel with the numbers, so that late
+//! subscribers and later readers need no table of the task.
 
 #[cfg(feature = "transport")]
 use iceoryx2::prelude::ZeroCopySend;

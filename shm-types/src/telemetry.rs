@@ -49,13 +49,13 @@ message! {
         pub schema: u64,
         pub boot_id: u64,
         pub counter: u64,
-        /// Of a controller: 1 while it serves a pinned policy and learners must wait.
+        /// Controller: 1 while it serves a pinned policy and learners must wait.
         pub pinned: u64,
-        /// Of a controller: the machine fault that holds the arm until it is re-armed, or 0.
+        /// Controller: the hardware fault that holds the arm until it is re-armed, or 0.
         pub latched: u64,
-        /// Of a learner: 1 in its last one, when it ends in order.
+        /// Learner: 1 in its last heartbeat, when it ends cleanly.
         pub leaving: u64,
-        /// Of a learner: `WAITS_*`.
+        /// Learner: `WAITS_*`.
         pub waits: u64,
     }
 }

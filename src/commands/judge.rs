@@ -88,7 +88,7 @@ impl Again<'_> {
         Again { trial, now }
     }
 
-    /// Of a trial that was judged before.
+    /// The earlier verdict, if the trial was judged before.
     fn before(&self) -> Option<(bool, f64)> {
         (!self.trial.set_aside).then_some((self.trial.own_success, self.trial.own_reward))
     }

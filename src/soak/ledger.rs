@@ -34,7 +34,7 @@ impl Ledger {
         self.foreign += other.foreign;
     }
 
-    /// Of the session in `folder`; `log` is that of all the cell's controllers.
+    /// The ledger of the session in `folder`; `log` is that of all the cell's controllers.
     pub fn of(folder: &Path, log: &Path) -> Result<Ledger> {
         let store = Store::open(&folder.join("session.db"))?;
         let durable = durable_episodes(log, store.meta().session_id)?;

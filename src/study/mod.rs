@@ -88,7 +88,7 @@ const fn figure_of(
 pub const STUDIES: &[Study] = &[
     table_of(
         "pancake",
-        "pancake flipping from 100 rollouts, and how robust the answer is",
+        "pancake flipping from 100 rollouts, and the robustness of the selected policy",
         2,
         pancake::run_seed,
     ),
@@ -142,7 +142,7 @@ pub const STUDIES: &[Study] = &[
     ),
     table_of(
         "compliance-varying",
-        "the same learnt on pancakes of 20 to 120 g that bounce or not, while somebody pushes",
+        "the same learnt on pancakes of 20 to 120 g that bounce or not, under pushes",
         2,
         compliance::run_varying_seed,
     ),
@@ -239,7 +239,7 @@ pub const STUDIES: &[Study] = &[
     ),
     table_of("peaks", "what counts the peaks of a known box best", 2, peaks::run_seed),
     figure_of("fig1", "a movement as a weighted sum of linear systems, Eq. (2)", fig1::figure),
-    figure_of("fig3", "stiffness over time, of the answers of 20 seeds", fig3::figure),
+    figure_of("fig3", "stiffness over time of the selected policies of 20 seeds", fig3::figure),
     figure_of("fig5", "several optima and what a gradient finds", fig5::figure),
     figure_of("fig6", "splitting a Gaussian, Eq. (9)", |_| fig6::figure()),
     figure_of("fig7", "a run on the landscape", fig7::figure),

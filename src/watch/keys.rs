@@ -28,7 +28,7 @@ pub enum Action {
     RollBack,
     Hold,
     Rearm,
-    /// Of the newest rollout that is shown.
+    /// Rates the newest rollout shown.
     Rate(Word),
 }
 

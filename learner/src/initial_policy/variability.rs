@@ -115,7 +115,7 @@ pub(crate) fn stiffen(
     Ok(())
 }
 
-/// Of each repetition from their mean, m and rad, as recordings of the learnt coordinates on one clock.
+/// Deviations of each repetition from the mean, m and rad, as recordings of the learnt coordinates on one clock.
 fn deviations(
     demonstrations: &[Demonstration],
     config: &InitialPolicyConfig,

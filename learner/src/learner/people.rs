@@ -150,7 +150,7 @@ impl Learner {
         newest.filter(|trial| self.waits_for_rating_of(trial)).map(|trial| trial.rollout).min()
     }
 
-    /// Learning goes on when somebody has rated this trial, or has said that there is no rating.
+    /// Whether learning continues: this trial is rated, or its rating is withdrawn.
     fn waits_for_rating_of(&self, trial: &TrialRecord) -> bool {
         let people = &self.config.people;
         let waits = people.takes_ratings() && people.wait;

@@ -17,7 +17,7 @@ pub(crate) struct LearnerLink {
     /// Newest session and rollout reported, and what the learner has acknowledged.
     reported: PolicyName,
     acknowledged: Ack,
-    /// It has changed since somebody looked.
+    /// It has changed since the last look.
     has_news: bool,
     /// Received, not yet handed to the loop.
     pub proposal: Option<PolicyMsg>,

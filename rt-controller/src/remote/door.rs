@@ -23,7 +23,7 @@ const PATIENCE: Duration = Duration::from_secs(5);
 const ROUND: Duration = Duration::from_millis(20);
 /// Until the loop has noticed that its plant is gone.
 const MOMENT: Duration = Duration::from_millis(1);
-/// A simulator whose time stands still hears this often that somebody is there.
+/// How often a simulator whose time stands still gets a sign of life.
 const SIGN_OF_LIFE: Duration = Duration::from_millis(500);
 
 pub(crate) struct Door {
@@ -88,7 +88,7 @@ impl Door {
                 Ok(Some((link, uid))) => self.meet(link, uid, stop),
                 Ok(None) => {}
                 Err(error) => {
-                    tracing::warn!("the door for plants: {error}");
+                    tracing::warn!("plant socket: {error}");
                     std::thread::sleep(ROUND);
                 }
             }
@@ -109,7 +109,7 @@ impl Door {
             }
             tracing::error!(
                 plant = inside.name,
-                "the plant is lost: {why}; the arm is held. Start it again, then `skillet rearm`"
+                "the plant is lost: {why}; the arm is held. Restart the plant, then run `skillet rearm`"
             );
             self.inside = None;
             self.ends.has_hung_up.store(false, Ordering::Release);
@@ -154,12 +154,12 @@ impl Door {
                 let link = Arc::new(link);
                 let arrival = Arrival { line: Line::new(link.clone(), shared), state };
                 if self.ends.arrivals.push(arrival).is_ok() {
-                    tracing::info!(plant = hello.name(), "the plant is there");
+                    tracing::info!(plant = hello.name(), "plant connected");
                     self.inside = Some(Inside { link, name: hello.name() });
                 }
             }
             Err(why) => {
-                tracing::warn!("a plant is refused: {why}");
+                tracing::warn!("plant refused: {why}");
                 let _ = link.send(&PlantWelcome::refused(&why));
             }
         }

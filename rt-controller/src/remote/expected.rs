@@ -82,7 +82,7 @@ pub enum Refused {
 }
 
 impl Expected {
-    /// Of `model`, in lockstep unless the plant is the clock.
+    /// Expects the arm of `model`, in lockstep unless the plant is the clock.
     pub fn of(model: &ArmModel, period_ns: u64, is_simulated: bool) -> Expected {
         let (limits, n) = (model.limits(), model.n_joints());
         Expected {
