@@ -82,7 +82,7 @@ impl MetricsConfig {
     pub fn check(address: SocketAddr) -> Result<()> {
         if !address.ip().is_loopback() {
             bail!(
-                "metrics.listen is {address}: use a loopback address, as 127.0.0.1:9464, and a \
+                "metrics.listen is {address}: use a loopback address such as 127.0.0.1:9464, and a \
                  proxy of your own for others to see it"
             );
         }

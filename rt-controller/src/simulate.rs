@@ -29,7 +29,7 @@ pub struct Simulated {
 pub enum SimulateError {
     #[error(transparent)]
     Refused(#[from] AdmissionError),
-    #[error("the plant in its own process is gone; its own words say why")]
+    #[error("the external plant is gone; see its output for the reason")]
     PlantGone,
 }
 

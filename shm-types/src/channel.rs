@@ -59,7 +59,7 @@ pub enum ChannelError {
     )]
     NoController { cell: String, seconds: f64 },
     #[error(
-        "the controller of cell '{cell}' does not answer ({seconds:.1} s): it is stopped or stuck; continue it (`kill -CONT`) or restart it"
+        "the controller of cell '{cell}' does not respond ({seconds:.1} s): it is stopped or stuck; continue it (`kill -CONT`) or restart it"
     )]
     NoAnswer { cell: String, seconds: f64 },
 }

@@ -132,7 +132,7 @@ pub enum EpisodeError {
     Measures(#[from] MeasuresError),
     #[error("record {record} holds a value that is not finite; episode ignored")]
     Record { record: usize },
-    #[error("the reason of a refusal is no text; episode ignored")]
+    #[error("the reason of a refusal is not text; episode ignored")]
     Reason,
 }
 

@@ -54,11 +54,11 @@ pub enum MeasuresError {
     #[error("the measure {name} has the unit '{unit}': use 1 to {UNIT_LEN} bytes without spaces")]
     Unit { name: String, unit: String },
     #[error(
-        "the plant did not tell the measure {0}: let it send its outcome before the last sample of an \
+        "the plant did not send the measure {0}: send the outcome before the last sample of an \
          episode, or take {0} out of plant.measures"
     )]
     Missing(String),
-    #[error("the measure {0} is there twice: give each its own name")]
+    #[error("the measure {0} appears twice: give each its own name")]
     Twice(String),
     #[error("the measure {name} is {value}: it must be finite")]
     Value { name: String, value: f64 },

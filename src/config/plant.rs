@@ -189,7 +189,7 @@ impl PlantConfig {
         let posture = &self.start_posture_rad;
         if posture.is_empty() || posture.len() > physics::arm::MAX_JOINTS {
             bail!(
-                "plant.start_posture_rad has {} numbers: give one a joint of the arm, 1 to {}",
+                "plant.start_posture_rad has {} numbers: give one per joint of the arm, 1 to {}",
                 posture.len(),
                 physics::arm::MAX_JOINTS
             );

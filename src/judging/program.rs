@@ -165,7 +165,7 @@ impl Settings {
         match line {
             Some(line) => parse(&line, asked.header.rollout, &self.own).map(Some),
             None if since.elapsed() >= self.timeout => Err(format!(
-                "it gave no answer within {} s: end every answer with a newline, flush it, and raise \
+                "it did not reply within {} s: end every reply with a newline, flush it, and raise \
                  task.judge.timeout_s if it needs longer",
                 self.timeout.as_secs_f64()
             )),
@@ -177,7 +177,7 @@ impl Settings {
         let now = command::identity(&self.words, &self.folder);
         if now != self.identity {
             return Err(format!(
-                "it was changed while the session went on: resume the session to go on with {now}"
+                "it was changed during the session: resume the session to use {now}"
             ));
         }
         Process::start(&self.words, &self.folder, &self.log)
@@ -188,15 +188,15 @@ impl Settings {
     fn failed(&self, process: &mut Option<Process>, asked: &mut Asked, words: &str) -> AssessError {
         let last_words = process.as_mut().and_then(Process::last_words);
         let last_words =
-            last_words.map_or(String::new(), |line| format!("; its last words were `{line}`"));
+            last_words.map_or(String::new(), |line| format!("; its last output was `{line}`"));
         *process = None;
         asked.since = None;
         asked.failures += 1;
         let (rollout, command) = (asked.header.rollout, self.words.join(" "));
         if asked.failures < ATTEMPTS {
             tracing::warn!(
-                "rollout {rollout}: the judge `{command}` failed: {words}{last_words}; started anew and asked \
-                 again"
+                "rollout {rollout}: the judge `{command}` failed: {words}{last_words}; restarted, request \
+                 repeated"
             );
             return AssessError::NotYet;
         }

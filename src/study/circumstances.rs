@@ -93,7 +93,7 @@ fn changed(circumstance: &Circumstance, seed: u64, learnt: &Learnt) -> Result<Ve
     let followed = world.follow(&wish)?;
     let sample = |metric: &str, value| Sample::mean(circumstance.name, metric, value);
     Ok(vec![
-        sample("success of the policy selected before", before),
+        sample("success of the answer before", before),
         sample("success of the policy for the wish", next),
         sample("success of the session's next rollout", followed[0]),
         sample(&format!("of its next {FOLLOWED}"), followed.iter().sum::<f64>() / FOLLOWED as f64),

@@ -23,7 +23,7 @@ use crate::setup;
 
 pub const TASK: Task = Task {
     name: "custom",
-    about: "Your own: arm, demonstration, plant, measures and judge come from the configuration",
+    about: "Your own task: arm, demonstration, plant, measures and judge come from the configuration",
     world: World::Arm(ArmTask {
         urdf: include_str!("../../robots/wam7/wam7_pan.urdf"),
         demonstration: include_str!("../../demos/pancake.csv"),

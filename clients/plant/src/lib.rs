@@ -76,7 +76,7 @@ pub enum PlantError {
     #[error("the controller has ended or died: start it again, then this plant")]
     Gone,
     #[error(
-        "the controller said nothing for {0:.0} s: it is stopped or stuck; continue or restart it"
+        "the controller has been silent for {0:.0} s: it is stopped or stuck; continue or restart it"
     )]
     Silent(f64),
     /// Shared memory cannot be used; without `polls` the socket does.
@@ -251,7 +251,7 @@ impl Plant {
             Some(Message::Welcome(welcome)) => {
                 return Err(PlantError::Refused(text::unpack(&welcome.reason)));
             }
-            Some(_) => return Err(PlantError::Refused("it answered with no Welcome".into())),
+            Some(_) => return Err(PlantError::Refused("it did not reply with a Welcome".into())),
             None => return Err(PlantError::Silent(SILENCE.as_secs_f64())),
         };
         sent?;

@@ -233,7 +233,7 @@ fn within_patience<'a>(
 fn said_instead(expected: &str, said: &Result<Option<Message>, LinkError>) -> String {
     let seconds = PATIENCE.as_secs();
     match said {
-        Ok(Some(_)) => format!("it sent another message than its {expected}"),
+        Ok(Some(_)) => format!("expected its {expected}, got another message"),
         Ok(None) => format!("it sent no {expected} within {seconds} s"),
         Err(error) => format!("before its {expected}: {error}"),
     }

@@ -33,9 +33,9 @@ pub fn acquire(priority: u8, core: usize) -> Privileges {
     }
     match stay_awake() {
         Ok(file) => granted._awake = Some(file),
-        Err(error) => granted
-            .missing
-            .push(format!("cores may sleep deeply ({CPU_LATENCY}: {error}): allow writing to it")),
+        Err(error) => granted.missing.push(format!(
+            "deep idle states are not disabled ({CPU_LATENCY}: {error}): make it writable"
+        )),
     }
 
     let mut set = CpuSet::new();
