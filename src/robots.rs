@@ -1,4 +1,4 @@
-//! Arms that come with the tool: URDF, demonstration and settings, so that nobody has a file to write.
+//! Built-in arms: URDF, demonstration and settings, so that no file has to be written.
 
 use std::path::Path;
 

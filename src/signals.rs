@@ -58,7 +58,7 @@ pub fn stop_flag(who: Who) -> Result<Arc<AtomicBool>> {
 /// A request that `end_after` takes up has come.
 static IS_ENDING: AtomicBool = AtomicBool::new(false);
 
-/// Comes back only if nobody has asked for an end. What fails after that fails because of the end,
+/// Returns only if no end was requested. What fails after that fails because of the end,
 /// which tells itself.
 pub fn let_it_end() {
     while IS_ENDING.load(Ordering::Relaxed) {

@@ -1,4 +1,4 @@
-//! Standard error that blocks and ends nobody: a thread writes what the others have to say.
+//! Standard error that neither blocks nor ends a process: a thread writes the lines of all others.
 //!
 //! Its reader may be gone, be stuck, or be a full disk. Then lines are lost and counted, and the
 //! log says how many once it is written again. `tests/tidy.rs` keeps everybody else from standard error.
@@ -47,7 +47,7 @@ pub fn sink() -> Sink {
     STDERR.clone()
 }
 
-/// Standard output, for progress that nobody may wait for.
+/// Standard output, for progress that must not block.
 pub fn stdout() -> Sink {
     Sink::start(of_fd(io::stdout().as_fd()))
 }

@@ -209,7 +209,7 @@ fn what_cannot_be_said_is_refused_with_the_reason() {
         bench.refused(arguments, words);
     }
     assert!(!bench.path("s/mail").exists() && !bench.path("deaf/mail").exists());
-    // A letter of somebody else's making is put aside, and the session goes on.
+    // A foreign letter is put aside, and the session continues.
     std::fs::create_dir(bench.path("s/mail")).unwrap();
     let letter = r#"{"id": 1, "says": {"rating": {"rollout": 1, "rating": 11.0}}}"#;
     bench.write("s/mail/1.json", letter);

@@ -80,8 +80,8 @@ impl Ratings {
         Ratings { config: self.config, all }
     }
 
-    /// The rating of a rollout that is better or worse than the one `than`, and what that one is taken for if
-    /// nobody has rated it. Two that were told apart are never rated the same.
+    /// The rating of a rollout that is better or worse than the one `than`, and the rating assumed for that one if
+    /// it has none. Two that were told apart are never rated the same.
     pub fn compared(&self, than: u64, is_better: bool) -> (Option<f64>, f64) {
         let known = self.view(u64::MAX).rating(than);
         let other = known.unwrap_or(UNRATED);

@@ -61,7 +61,7 @@ pub struct ControllerConfig {
     pub workspace_floor_m: f64,
     /// A policy that is swapped in during a rollout takes over within this time, s.
     pub blend_s: f64,
-    /// What to do while nobody asks for anything.
+    /// What to do while no rollout is requested.
     pub alone: Alone,
     /// A learner that was not heard for so long is not there, s.
     pub alone_after_s: f64,

@@ -24,7 +24,7 @@ const NEXT_ROLLOUT: Duration = Duration::from_secs(60);
 /// Number of the last good policy, on the command line.
 const LAST_GOOD_WORD: &str = "last-good";
 
-/// A command with an id that nobody else uses.
+/// A command with a unique id.
 fn command(kind: u64) -> Command {
     Command::new(kind, RandomState::new().build_hasher().finish())
 }

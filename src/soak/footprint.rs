@@ -1,4 +1,4 @@
-//! What a process that nobody kills holds: memory and file descriptors.
+//! Resources of a process that is never killed: memory and file descriptors.
 
 use std::time::{Duration, Instant};
 

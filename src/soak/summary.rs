@@ -7,7 +7,7 @@ use serde_json::{Map, Value, json};
 use super::ordeal::{Ordeal, kill_name};
 use super::tally::Tally;
 
-/// Growth of a process nobody kills that is still called flat.
+/// Growth of a process that still counts as flat.
 const FLAT: f64 = 0.02;
 
 pub struct Summary {

@@ -41,8 +41,7 @@ pub struct Vitals {
     cell: Cell,
     answers: Receiver<Result<Status, ChannelError>>,
     status: Option<(Status, Instant)>,
-    /// When the controller was last heard, by an answer or a tick; before that, when somebody began to
-    /// listen.
+    /// When the controller last replied or ticked; before that, when the watch began.
     heard: Instant,
     ticked: Option<Instant>,
     /// What keeps this process from asking it.

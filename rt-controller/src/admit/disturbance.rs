@@ -75,7 +75,7 @@ pub fn check_under(
     Err(Disturbed { cause, fits: rehearsal.part_that_fits(to) })
 }
 
-/// A policy, and what it does where nobody moves the posture.
+/// A policy, and its behaviour without a posture offset.
 struct Rehearsal<'a> {
     policy: &'a Policy,
     model: &'a ArmModel,

@@ -9,7 +9,7 @@ pub fn loop_core(configured: Option<usize>) -> usize {
 }
 
 /// Keeps the calling thread, and whatever it starts from now on, off the loop's core. Priorities
-/// alone do not: where a process starts or dies, the kernel works for it and lets nobody in.
+/// alone do not suffice: while a process starts or dies, the kernel occupies the core.
 /// `false` when there is no other core to go to.
 pub fn leave_core(core: usize) -> bool {
     let mut others = allowed();
