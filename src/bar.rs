@@ -1,4 +1,4 @@
-//! Progress bars on standard error, where that is a terminal. Nobody waits for them.
+//! Progress bars on standard error, if it is a terminal. They never block.
 
 use std::io;
 use std::sync::{Mutex, MutexGuard, PoisonError};

@@ -1,4 +1,4 @@
-//! What a person says to a session: a letter to its learner, and what became of it.
+//! Ratings and demonstrations from a person: a letter to the learner, and its result.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -10,11 +10,11 @@ use serde_json::json;
 
 use crate::session_folder::SessionFolder;
 
-/// How long a learner at work is given to take a letter.
+/// How long to wait for a running learner to accept a letter.
 const PATIENCE: Duration = Duration::from_secs(2);
 const LOOK: Duration = Duration::from_millis(20);
 
-/// What is said of a rollout.
+/// A rating of a rollout.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Word {
     /// 0 to 10.
@@ -25,14 +25,14 @@ pub enum Word {
     Withdraw,
 }
 
-/// What became of a letter.
+/// The result of a letter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Answer {
-    /// It counts from this rollout on.
+    /// It takes effect from this rollout on.
     Taken { from: u64 },
-    /// A rollout is under way, after which it is taken.
+    /// A rollout is running; it takes effect afterwards.
     Recorded,
-    /// No learner is at work; the next one takes it.
+    /// No learner is running; the next one applies it.
     AtRest,
 }
 
@@ -53,7 +53,7 @@ impl Answer {
     }
 }
 
-/// A rating that was given: of which rollout, and what it came to if that is known already.
+/// A rating that was given: its rollout, and its value if it is already known.
 pub struct Rated {
     pub rollout: u64,
     pub rating: Option<f64>,
@@ -119,7 +119,7 @@ pub fn rate(folder: &SessionFolder, rollout: Option<u64>, word: Word) -> Result<
     })
 }
 
-/// Gives one more demonstration, `text` of the file `file`.
+/// Adds a demonstration, `text` of the file `file`.
 pub fn show(folder: &SessionFolder, file: &Path, text: String) -> Result<Answer> {
     let file = file
         .file_name()
@@ -157,7 +157,7 @@ fn post(folder: &SessionFolder, says: Says) -> Result<Post> {
     })
 }
 
-/// Waits a little for the learner; `found` is what it has made of the letter, by its id.
+/// Waits briefly for the learner; `found` reads the stored result of the letter by its id.
 fn await_taken<T>(
     folder: &SessionFolder,
     post: &Post,

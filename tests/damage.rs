@@ -1,4 +1,4 @@
-//! A session whose file was damaged goes on as if nothing had happened.
+//! A session whose file was damaged continues unchanged.
 
 mod util;
 

@@ -1,4 +1,4 @@
-//! Whatever is shown of a controller or learner has an age: dead ones and those that stand still are told
+//! Every view of a controller or learner shows its age: dead and stuck ones are told
 //! apart from living ones, and the next one is picked up.
 
 mod util;

@@ -1,4 +1,4 @@
-//! The counter between a search and those who run its trials: only what was asked is learnt, once.
+//! Checks between a search and its callers: only requested trials are learnt, each once.
 
 use std::collections::{BTreeMap, BTreeSet};
 

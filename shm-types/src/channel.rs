@@ -1,4 +1,4 @@
-//! The doors of a cell: service names, quality of service, and how a door is opened.
+//! The channels of a cell: service names, quality of service, and how they are opened.
 //!
 //! The controller creates every service, in a new generation of the cell; learner and tool join the
 //! newest complete one and retry. The facts behind

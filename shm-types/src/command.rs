@@ -76,7 +76,7 @@ message! {
         pub tick: u64,
         pub phase: u64,
         pub fault: u64,
-        /// The machine fault that holds the arm until it is re-armed, or 0; for how long; 1 while its
+        /// The hardware fault that holds the arm until it is re-armed, or 0; for how long; 1 while its
         /// cause is there.
         pub latched_fault: u64,
         pub latched_ns: u64,

@@ -1,4 +1,4 @@
-//! The contract between the controller and the learner: plain data and the doors it passes.
+//! The contract between the controller and the learner: plain data and its channels.
 //!
 //! Every message is `#[repr(C)]`, versioned by its type name and by [`SCHEMA`], and validated by
 //! its receiver. No mathematics and no policy logic live here.

@@ -67,7 +67,7 @@ fn phase(status: &Status) -> &'static str {
     PHASES.get(status.phase as usize).copied().unwrap_or("unknown")
 }
 
-/// The machine fault that holds the arm.
+/// The hardware fault that holds the arm.
 fn latched(status: &Status) -> Option<&'static str> {
     (status.latched_fault != 0).then(|| Fault::describe(status.latched_fault as u32))
 }

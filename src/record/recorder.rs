@@ -1,4 +1,4 @@
-//! Records a running cell: everything its channels tell, at full rate, into bounded files.
+//! Records all channels of a running cell at full rate into files of bounded size.
 
 use std::path::{Path, PathBuf};
 
@@ -65,7 +65,7 @@ impl Recorder {
         })
     }
 
-    /// Writes down what was seen.
+    /// Writes what was received.
     pub fn write(&mut self, seen: Seen) -> Result<()> {
         match (&mut self.early, seen) {
             (_, Seen::Tick(tick, at_ns)) => return self.tick(&tick, at_ns),

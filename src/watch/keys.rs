@@ -1,4 +1,4 @@
-//! What the keys of the terminal view do: each is a command of the tool, on a thread of its own.
+//! Keys of the terminal view: each runs a command of the tool on its own thread.
 //! A rating is a letter to the session of the cell's learner.
 
 use std::hash::{BuildHasher, Hasher, RandomState};
@@ -77,7 +77,7 @@ impl Action {
     }
 }
 
-/// Sends actions and collects what came of them.
+/// Runs actions and collects their results.
 pub struct Keys {
     cell: Cell,
     said: Sender<String>,
@@ -103,7 +103,7 @@ impl Keys {
         });
     }
 
-    /// What came of earlier actions.
+    /// Results of earlier actions.
     pub fn answers(&self) -> impl Iterator<Item = String> {
         self.says.try_iter()
     }

@@ -1,4 +1,4 @@
-//! The stiffness a session starts from, where repetitions of a movement say it: stiff where they agree.
+//! Initial stiffness from repetitions of a movement: stiff where they agree.
 
 #![allow(non_snake_case)] // K, R
 

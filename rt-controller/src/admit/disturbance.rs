@@ -1,4 +1,4 @@
-//! What a policy notices of a moved posture: a dry run on ideal arms, before a real one moves.
+//! The effect of a posture offset on a policy: a dry run on ideal arms, before a real one moves.
 
 use physics::arm::{ArmModel, JointVector, kinematics};
 use physics::ideal::IdealArm;

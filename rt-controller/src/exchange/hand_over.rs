@@ -1,5 +1,4 @@
-//! Rollouts on their way to the loop and back: what is handed over, what has come of it, who is
-//! told.
+//! Rollouts on their way to the loop and back: handing over, results, and replies.
 
 use std::sync::Arc;
 
@@ -18,7 +17,7 @@ use crate::fault::Fault;
 use crate::rings::{Done, Job, PostureOrder};
 
 impl<P: Clone + PartialEq> Exchange<'_, P> {
-    /// Takes the loop's word on swaps, and tells who asked for them.
+    /// Receives the loop's replies on swaps, and replies to the commands.
     pub(crate) fn take_applied(&mut self) {
         while let Ok(applied) = self.ends.applied.pop() {
             self.active = true;
@@ -120,8 +119,8 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
         }
     }
 
-    /// Sends what is on disk. What could not be written is sent all the same: the learner may still
-    /// take it.
+    /// Sends spooled episodes, and also those that could not be written: the learner may still
+    /// receive them.
     pub(crate) fn take_spooled(&mut self) {
         while let Some(Spooled { name, episode, result }) =
             self.spool.as_mut().and_then(Spool::spooled)
@@ -245,7 +244,7 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
         spool.is_full() && !spool.holds(&proposal.name())
     }
 
-    /// A refusal travels as an episode without records, but an episode it is.
+    /// Sends a refusal as an episode without records.
     fn hand_over_proposal(&mut self) {
         let Some(message) = self.link.proposal.take() else { return };
         let name = message.name();
@@ -329,7 +328,7 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
     }
 }
 
-/// What the plant measured, if it is fit to be told; an episode is not lost for it.
+/// The plant's measures, if they are valid; invalid ones do not lose the episode.
 fn checked(measures: &Measures) -> Measures {
     match measures.validate() {
         Ok(()) => *measures,

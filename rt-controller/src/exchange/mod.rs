@@ -70,7 +70,7 @@ pub(crate) struct Exchange<'a, P> {
     /// Where there is a state folder.
     pub(crate) spool: Option<Spool>,
     pub(crate) flights: Option<FlightFiles>,
-    /// The machine fault that holds the arm, and whether the loop was asked to re-arm.
+    /// The hardware fault that holds the arm, and whether a re-arm was requested.
     pub(crate) latched: Option<Latched>,
     pub(crate) is_rearming: bool,
     /// Where the null space is drawn to in served rollouts, and the number of the order. Not remembered over a

@@ -1,5 +1,5 @@
-//! Machine faults as the exchange thread sees them: remembered, told, re-armed, their flight records
-//! put on disk.
+//! Hardware faults on the exchange thread: stores, reports and re-arms them, and writes their flight
+//! records to disk.
 
 use crate::disk::flight_files::csv;
 use crate::exchange::Exchange;
@@ -8,7 +8,7 @@ use crate::executor::latch::Latched;
 use crate::fault::Fault;
 
 impl<P: Clone + PartialEq> Exchange<'_, P> {
-    /// Looks after what the loop latched, and after its answer to a re-arm.
+    /// Handles a fault that the loop latched, and its reply to a re-arm.
     pub(crate) fn watch_latch(&mut self) {
         let fault = self.setup.latch.fault();
         if let (Some(fault), None) = (fault, self.latched) {
@@ -34,7 +34,7 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
         }
     }
 
-    /// Asks the loop to hold the arm.
+    /// Makes the loop hold the arm.
     pub(crate) fn hold(&mut self) -> Result<(), Refusal> {
         if self.setup.n_joints == 0 {
             return Err(Refusal::NoArm);
@@ -43,7 +43,7 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
         Ok(())
     }
 
-    /// Asks the loop to re-arm.
+    /// Makes the loop re-arm.
     pub(crate) fn rearm(&mut self) -> Result<(), Refusal> {
         let Latched { fault, .. } = self.latched.ok_or(Refusal::NothingLatched)?;
         if self.setup.latch.is_present() {
@@ -62,7 +62,7 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
         }
     }
 
-    /// Puts the loop's flight records on disk, and gives their boxes back.
+    /// Writes the loop's flight records to disk, and returns their boxes.
     pub(crate) fn take_flights(&mut self) {
         while let Ok(mut record) = self.ends.flights.pop() {
             self.active = true;

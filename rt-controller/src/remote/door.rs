@@ -1,6 +1,6 @@
-//! The door that plants come to: a thread that lets one in, watches over it and sees it off.
+//! The socket for plants: a thread that accepts one plant, monitors it and closes its connection.
 //!
-//! Everything that takes its time or its words happens here, so that the rt thread only sends and receives.
+//! Everything slow happens here, so that the rt thread only sends and receives.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -17,11 +17,11 @@ use shm_types::plant::{MODE_STOP, PlantCommand, PlantHello, PlantState, PlantWel
 use crate::remote::expected::{Expected, External};
 use crate::remote::{Arrival, Departure, DoorEnds, Ended};
 
-/// How long a plant may take to say who it is, and then for its first sample.
+/// Timeout for a plant's Hello, and then for its first sample.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// Between two looks at everything.
+/// Time between two checks.
 const ROUND: Duration = Duration::from_millis(20);
-/// Until the loop has noticed that its plant is gone.
+/// Time until the loop has noticed that its plant is gone.
 const MOMENT: Duration = Duration::from_millis(1);
 /// How often a simulator whose time stands still gets a sign of life.
 const SIGN_OF_LIFE: Duration = Duration::from_millis(500);
@@ -45,7 +45,7 @@ struct Inside {
     name: String,
 }
 
-/// The thread that minds a door; it ends with this.
+/// The thread of a socket; it ends when this is dropped.
 pub(crate) struct DoorThread {
     is_over: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
@@ -62,7 +62,7 @@ impl Drop for DoorThread {
 }
 
 impl Door {
-    /// Opens one at the socket of `external`, and minds it.
+    /// Opens the socket of `external` and starts its thread.
     pub fn open(
         external: External,
         boot_id: u64,
@@ -80,7 +80,7 @@ impl Door {
         Ok(DoorThread { is_over, thread })
     }
 
-    /// Until `stop` is set.
+    /// Runs until `stop` is set.
     fn run(mut self, stop: &AtomicBool) {
         while !stop.load(Ordering::Relaxed) {
             self.look_after();
@@ -99,7 +99,7 @@ impl Door {
         }
     }
 
-    /// The plant in the loop: is it there, does it know that we are?
+    /// Checks the connected plant, and sends it signs of life.
     fn look_after(&mut self) {
         let Some(inside) = &self.inside else { return };
         if let Ok(Departure { why, .. }) = self.ends.departures.pop() {

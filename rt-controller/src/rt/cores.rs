@@ -1,4 +1,4 @@
-//! Which core is the loop's, and who stays away from it.
+//! The loop's core, and the threads kept off it.
 
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 

@@ -1,8 +1,8 @@
-//! What is expected of one measure: its prediction and what the prediction was off by, or what was measured
+//! The expected value of one measure: from its prediction and the prediction's errors, or from measured values
 //! alone.
 //!
 //! Both processes see every measured value. The residual's is used as long as it foretells the values about
-//! as well as the data's does: a prediction that is wrong by far loses its say (the Bayes factor of the two,
+//! as well as the data's does: a prediction that is far off loses its influence (the Bayes factor of the two,
 //! Rasmussen and Williams 2006, Sec. 5.4.1, over all values but the first, which is the data's prior mean).
 
 use nalgebra::DVector;

@@ -1,4 +1,4 @@
-//! What of the distribution is executed: a draw, the best of some draws, or the mean.
+//! Chooses what is executed: a draw, the best of some draws, or the mean.
 
 use nalgebra::DVector;
 
@@ -21,7 +21,7 @@ const SAME: f64 = 1e-9;
 
 /// Growth of the noise with each success, until it is as wide as in Eq. (6).
 const GROWTH: f64 = 1.02;
-/// Where a world's own chances make draws fail, less noise helps nobody.
+/// If the world's own randomness makes draws fail, less noise does not help.
 const NARROWEST: f64 = 0.2;
 
 impl Power {
