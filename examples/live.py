@@ -69,7 +69,7 @@ def subscribe(cell: Path):
     """A subscriber in the cell's current generation, and what must outlive it."""
     generation = cell / f"g{(cell / 'current').read_text()}"
     in_use = os.open(generation, os.O_RDONLY)
-    fcntl.flock(in_use, fcntl.LOCK_SH)  # what nobody holds is swept away
+    fcntl.flock(in_use, fcntl.LOCK_SH)  # unused generations are deleted
 
     digest = 0xCBF29CE484222325  # FNV-1a of the cell's folder: /dev/shm is one folder for all
     for byte in os.fsencode(cell):

@@ -1,4 +1,4 @@
-//! Progress bars on standard error, where that is a terminal. Nobody waits for them.
+//! Progress bars on standard error, if it is a terminal. They never block.
 
 use std::io;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -10,7 +10,7 @@ use crate::{stderr, tty};
 /// Where the terminal does not say how wide it is.
 const WIDTH: u16 = 80;
 
-/// Of `len` steps; a spinner without.
+/// A progress bar of `len` steps, or a spinner without a length.
 pub fn bar(len: Option<u64>) -> ProgressBar {
     let target = match tty::can_draw(&io::stderr()) {
         true => ProgressDrawTarget::term_like(Box::new(Terminal::default())),

@@ -36,8 +36,8 @@ impl NamedCell {
         state_dir(&self.config, &self.cell)
     }
 
-    /// Has `command` carried out; a refusal is an error with the controller's reason. Returns when
-    /// it was sent, too (monotonic clock, ns): joining the cell takes longer than many a command.
+    /// Sends `command` and waits for the reply; a refusal is an error with the controller's reason. Also
+    /// returns the time of sending (monotonic clock, ns): joining the cell takes longer than most commands.
     pub fn request(&self, command: &Command, timeout: Duration) -> Result<(Reply, u64)> {
         let ports = ToolPorts::open(&self.cell, OPEN)?;
         let sent_ns = now_ns();
@@ -47,8 +47,8 @@ impl NamedCell {
                 return Err(ports.silence(timeout).into());
             }
             bail!(
-                "the controller of cell '{name}' has not carried it out within {timeout:.0?}: it still \
-                 waits for its turn; see `skillet status --cell {name}`"
+                "the controller of cell '{name}' has not executed the command within {timeout:.0?}: it is \
+                 still queued; see `skillet status --cell {name}`"
             );
         };
         if reply.accepted != 1 {

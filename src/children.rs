@@ -1,4 +1,4 @@
-//! Child processes, as controller and learner: how they are named, started, watched and ended in order.
+//! Child processes, as controller and learner: how they are named, started, watched and ended cleanly.
 
 use std::ffi::{OsStr, OsString};
 use std::io::{BufRead, BufReader};
@@ -114,13 +114,13 @@ impl Service {
         let _ = self.child.wait();
     }
 
-    /// The child stands still, as one that is swapped out or held in a debugger.
+    /// The child is stuck, for example swapped out or held in a debugger.
     pub fn stall(&self) -> Result<()> {
         let pid = Pid::from_raw(self.child.id() as i32).context("a process has a number")?;
         kill_process(pid, Signal::STOP).with_context(|| format!("stalling the {}", self.name))
     }
 
-    /// Ends the child in order, or by force when it does not react.
+    /// Ends the child cleanly, or by force if it does not respond.
     pub fn stop(&mut self) -> Result<ExitStatus> {
         if let Some(status) = self.exited()? {
             return Ok(status);

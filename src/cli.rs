@@ -40,59 +40,59 @@ pub struct Cli {
 
 #[derive(Subcommand)]
 pub enum Verb {
-    /// Learn a task: starts controller and learner, shows progress, writes a session folder
+    /// Learn a task: start a controller and a learner, show progress, write a session folder
     Learn(LearnArgs),
     /// Run the controller service of a cell
     Controller(ControllerArgs),
     /// Run the learner service of a cell
     Learner(LearnerArgs),
-    /// Ask a running controller how it is
+    /// Show controller health (exits 1 if it needs attention)
     Status(StatusArgs),
-    /// Hold the arm where it is, until it is re-armed
+    /// Hold the arm at its current position until `skillet rearm`
     Hold(arm::HoldArgs),
-    /// End the hold after a machine fault, once its cause is mended
+    /// Release the arm after a hold or a hardware fault whose cause is fixed
     Rearm(arm::RearmArgs),
-    /// Move the elbow of a running arm while the skill goes on
+    /// Move the elbow of a running arm without interrupting the skill
     Posture(arm::PostureArgs),
-    /// Look at the policies of a session; put policies into a running cell, and take them back
+    /// Inspect the policies of a session; load policies into a running cell and roll them back
     Policy(PolicyArgs),
     /// Watch a running cell in the terminal, or in a 3-D viewer
     Watch(record::WatchArgs),
     /// Record a running cell at full rate, for Foxglove, PlotJuggler, Rerun and Python
     Record(record::RecordArgs),
-    /// Run a trial of a session again, bit for bit, and record it
+    /// Rerun a trial of a session, bit for bit, and record it
     Replay(record::ReplayArgs),
     /// Write a recording, or a trial of a session, as a ROS 2 bag
     Convert(convert::ConvertArgs),
-    /// Make demonstrations from recordings, and give one more to a session
+    /// Convert recordings to demonstrations, and add a demonstration to a session
     Demo(demo::DemoArgs),
-    /// Check the URDF of an arm and make its configuration
+    /// Check the URDF of an arm and write its configuration
     Arm(arm::ArmArgs),
-    /// Plants in another process: serve the simulation as one, check one of your own
+    /// Run plants in another process: serve the simulation as one, or check your own
     Plant(plant::PlantArgs),
-    /// Rate a rollout of a session, or judge all its trials by another reward
+    /// Rate a rollout of a session, or re-judge all its trials with another reward
     Judge(judge::JudgeArgs),
-    /// List what there is to be learnt
+    /// List the tasks that can be learnt, or serve one to another program
     Task(task::TaskArgs),
     /// Print all trials of a session as CSV or JSON
     Trials(trials::TrialsArgs),
-    /// Write the figures and the HTML page of a session
+    /// Write the HTML report of a session and its figures
     Report(ReportArgs),
-    /// Repeat a study over many seeds: success rates with intervals, comparisons, figures
+    /// Run a study over many seeds: success rates with intervals, comparisons, figures
     Study(StudyArgs),
-    /// Grade this host for hard real time, and say what to mend
+    /// Check this host for hard real time and suggest fixes
     Doctor(doctor::DoctorArgs),
-    /// Measure how long things take on this host
+    /// Run benchmarks on this host
     Bench(bench::BenchArgs),
-    /// Kill, swap and disturb cells that learn, for as long as you like, and count what is lost
+    /// Kill, swap and disturb learning cells for as long as you like, and count what is lost
     Soak(soak::SoakArgs),
     /// Show the configuration in effect
     Config(ConfigArgs),
-    /// Print a script that completes commands and flags in a shell
+    /// Print a shell completion script
     Completions(shell::CompletionsArgs),
     /// Write the manual pages
     Man(shell::ManArgs),
-    /// Become another program, which ends with the process that started it
+    /// Run another program, which ends with the process that started it
     #[command(hide = true)]
     Child(child::ChildArgs),
 }
@@ -116,11 +116,11 @@ impl From<PreferArg> for learner::modes::Prefer {
 
 #[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
 pub enum PaceArg {
-    /// By the wall clock
+    /// Follow the wall clock
     Realtime,
-    /// As fast as the simulation allows; the same numbers
+    /// Run as fast as the simulation allows, with the same results
     Max,
-    /// By the samples of a real arm, a plant in another process
+    /// Follow the samples of a real arm, a plant in another process
     Plant,
 }
 
@@ -153,48 +153,48 @@ Examples:
   skillet learn skittles --target 1.2,0.0 --prefer tolerant
   skillet learn pancake --arm panda                  on a Franka Emika Panda
   skillet learn pancake --plant-program \"python3 examples/plant_mujoco.py\"
-  skillet learn pancake --judge my_task.py           rewards by a program of your own, in any language
-  skillet learn pancake --out s7 --where \"apex_m < 0.45\"    a ceiling came down; s7 goes on below it
+  skillet learn pancake --judge my_task.py           rewards from your own program, in any language
+  skillet learn pancake --out s7 --where \"apex_m < 0.45\"    a ceiling came down; s7 continues below it
 
-Ctrl-C stops it with everything saved (exit code 1); the same command with --out resumes it.")]
+Ctrl-C stops the session with everything saved (exit code 1); rerun the command with --out to resume it.")]
 pub struct LearnArgs {
-    /// What to learn
+    /// Task to learn
     #[arg(value_parser = task_names())]
     pub task: String,
-    /// Rollouts of the session, those of earlier runs included
+    /// Rollouts of the session, including those of earlier runs
     #[arg(long)]
     pub rollouts: Option<u64>,
-    /// Seed of the search; equal seeds give equal trials, bit for bit, where there is one cell
+    /// Seed of the search; with one cell, equal seeds give bitwise equal trials
     #[arg(long)]
     pub seed: Option<u64>,
-    /// Cells that execute rollouts at the same time, each with an arm of its own
+    /// Number of cells that execute rollouts in parallel, each with its own arm
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=64))]
     pub cells: u8,
-    /// What paces the loop; in simulation the numbers do not depend on it
+    /// What paces the loop; in simulation the results do not depend on it
     #[arg(long, value_enum, default_value_t = PaceArg::Max)]
     pub pace: PaceArg,
     /// Configuration file (TOML); see `skillet config`
     #[arg(long)]
     pub config: Option<PathBuf>,
-    /// What turns torques into measurements; `plant.kind` of the configuration when absent
+    /// Plant that turns torques into measurements [default: `plant.kind` of the configuration]
     #[arg(long, value_enum)]
     pub plant: Option<plant::KindArg>,
-    /// An arm that comes with the tool, instead of the task's own
+    /// Use a built-in arm instead of the task's own
     #[arg(long, value_parser = robot_names(), conflicts_with = "config")]
     pub arm: Option<String>,
-    /// Program of an external plant, words apart by spaces, to be started and ended with the session
+    /// Program of an external plant, split at spaces; starts and ends with the session
     #[arg(long, value_name = "COMMAND")]
     pub plant_program: Option<String>,
-    /// Program that judges every rollout: a Python file, or words apart by spaces; see docs/own-task.md
+    /// Program that judges every rollout: a Python file, or a command split at spaces; see docs/own-task.md
     #[arg(long, value_name = "COMMAND")]
     pub judge: Option<String>,
     /// Where the skittle stands, in m from the post (task skittles)
     #[arg(long, value_name = "X,Y", value_parser = point, allow_hyphen_values = true)]
     pub target: Option<[f64; 2]>,
-    /// Which of the modes found is the answer
+    /// Which of the modes found provides the selected policy
     #[arg(long, value_enum)]
     pub prefer: Option<PreferArg>,
-    /// What a success must be like from here on, over the measures; "" for nothing any more
+    /// Condition over the measures that a success must meet from now on; "" removes it
     #[arg(long = "where", value_name = "EXPRESSION")]
     pub wish: Option<String>,
     /// Record every rollout at full rate, as recording.mcap in the session folder
@@ -203,24 +203,24 @@ pub struct LearnArgs {
     /// Session folder; an existing session of the same task is resumed
     #[arg(long)]
     pub out: Option<PathBuf>,
-    /// Print one JSON object at the end instead of a summary
+    /// Print one JSON object at the end instead of the summary
     #[arg(long)]
     pub json: bool,
 }
 
-/// Every task with what it is about.
+/// Parses a task name; the help lists each task with its description.
 fn task_names() -> impl TypedValueParser<Value = String> {
     let value = |task: &&Task| PossibleValue::new(task.name).help(task.about);
     PossibleValuesParser::new(tasks::ALL.iter().map(value))
 }
 
-/// Every arm with what it is.
+/// Parses an arm name; the help lists each arm with its description.
 fn robot_names() -> impl TypedValueParser<Value = String> {
     let value = |robot: &Robot| PossibleValue::new(robot.name).help(robot.about);
     PossibleValuesParser::new(robots::ALL.iter().map(value))
 }
 
-/// Two numbers with a comma between them.
+/// Parses two numbers separated by a comma.
 fn point(text: &str) -> Result<[f64; 2], String> {
     let numbers: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse()).collect();
     let numbers = numbers.map_err(|_| "write it as 1.2,0.0")?;
@@ -233,22 +233,22 @@ Examples:
   skillet controller --cell kitchen --config config/pancake.toml
   skillet controller --cell kitchen --plant external --pace plant    a robot's driver is the clock")]
 pub struct ControllerArgs {
-    /// Cell to serve, shared with its learner; `cell.name` of the configuration when absent
+    /// Cell to serve, shared with its learner [default: `cell.name` of the configuration]
     #[arg(long)]
     pub cell: Option<String>,
     /// Configuration file (TOML); see `skillet config`
     #[arg(long)]
     pub config: Option<PathBuf>,
-    /// What paces the loop: a service keeps the wall clock unless told otherwise
+    /// What paces the loop
     #[arg(long, value_enum, default_value_t = PaceArg::Realtime)]
     pub pace: PaceArg,
-    /// What turns torques into measurements; `plant.kind` of the configuration when absent
+    /// Plant that turns torques into measurements [default: `plant.kind` of the configuration]
     #[arg(long, value_enum)]
     pub plant: Option<plant::KindArg>,
-    /// Keep nothing on disk: the cell will not outlive this process
+    /// Keep nothing on disk; the cell does not outlive this process
     #[arg(long, hide = true)]
     pub private: bool,
-    /// File to which the loop's timing is added at the end
+    /// Append the loop's timing to this file at the end
     #[arg(long, hide = true)]
     pub timing: Option<PathBuf>,
     /// End when the process that started this one ends
@@ -262,22 +262,22 @@ Examples:
   skillet learner --cell kitchen --session sessions/kitchen
   skillet learner --cell left --cell right --session sessions/both    two arms, one session")]
 pub struct LearnerArgs {
-    /// Cell of the controller to work with, `cell.name` of the configuration when absent; once for each of several
+    /// Cell of the controller; repeat it for several [default: `cell.name` of the configuration]
     #[arg(long)]
     pub cell: Vec<String>,
     /// Session folder to create or resume
     #[arg(long)]
     pub session: PathBuf,
-    /// Configuration of a new session; a resumed one brings its own
+    /// Configuration of a new session; a resumed session keeps its own
     #[arg(long)]
     pub config: Option<PathBuf>,
-    /// What paces the loop beside it: one that keeps the wall clock has its core to itself
+    /// What paces the controller's loop; the learner stays off the core of a real-time loop
     #[arg(long, value_enum, default_value_t = PaceArg::Realtime)]
     pub pace: PaceArg,
     /// Record every rollout at full rate, as recording.mcap in the session folder
     #[arg(long)]
     pub record: bool,
-    /// Print one JSON object a trial
+    /// Print one JSON object per trial
     #[arg(long)]
     pub json: bool,
     /// End when the process that started this one ends
@@ -300,7 +300,7 @@ pub struct StatusArgs {
 pub struct ReportArgs {
     /// Session folder
     pub session: PathBuf,
-    /// Print the paths written as JSON
+    /// Print the written paths as JSON
     #[arg(long)]
     pub json: bool,
 }
@@ -311,19 +311,20 @@ Examples:
   skillet study landscape --seeds 300 --first-seed 1000
   skillet study skittles --seeds 300 --json
 
-Seeds that are done are kept in --out; the same command goes on where it was stopped.")]
+Finished seeds are kept in --out; rerun the command to continue where it stopped.")]
 pub struct StudyArgs {
-    /// Name of the study; without one, all are listed
+    /// Name of the study; without one, list all
     pub name: Option<String>,
-    /// How many seeds
+    /// Number of seeds
     #[arg(long, default_value = "20")]
     pub seeds: NonZero<u64>,
+    /// First seed
     #[arg(long, default_value_t = 0)]
     pub first_seed: u64,
-    /// Folder of the results
+    /// Folder for the results
     #[arg(long, default_value = "studies")]
     pub out: PathBuf,
-    /// Seeds at the same time; all cores when absent
+    /// Seeds to run in parallel [default: number of cores]
     #[arg(long)]
     pub threads: Option<NonZero<usize>>,
     /// End when the process that started this one ends
@@ -338,9 +339,9 @@ pub struct StudyArgs {
 #[command(after_help = "\
 Examples:
   skillet config > my.toml            every setting with its default
-  skillet config --config my.toml     what my.toml means")]
+  skillet config --config my.toml     my.toml with all defaults filled in")]
 pub struct ConfigArgs {
-    /// Configuration file (TOML); the defaults when absent
+    /// Configuration file (TOML) [default: the built-in defaults]
     #[arg(long)]
     pub config: Option<PathBuf>,
     /// Print JSON

@@ -19,7 +19,7 @@ pub mod plant;
 pub use judge::JudgeConfig;
 pub use plant::PlantConfig;
 
-/// The defaults of a task, by its name and what was chosen of its options.
+/// The defaults of a task, by its name and chosen options.
 pub type Defaults = fn(&str, BTreeMap<String, String>) -> Config;
 
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -39,7 +39,7 @@ pub struct Config {
 pub struct CellConfig {
     /// Prefix of everything controller and learner share.
     pub name: String,
-    /// Where the controller keeps imported policies and what it served last.
+    /// Where the controller keeps imported policies and its serving state.
     pub state_dir: Option<PathBuf>,
 }
 
@@ -47,16 +47,16 @@ pub struct CellConfig {
 #[serde(deny_unknown_fields, default)]
 pub struct TaskConfig {
     pub name: String,
-    /// CSV `t_s,x_m,y_m,z_m,pitch_rad`, or with quaternions; the built-in demonstration when absent.
+    /// CSV `t_s,x_m,y_m,z_m,pitch_rad`, or with quaternions. Default: the built-in demonstration.
     pub demonstration: Option<PathBuf>,
-    /// Further ones, of other ways to do it: the search keeps a mode for each.
+    /// Further demonstrations of other solutions: the search keeps a mode for each.
     pub other_demonstrations: Vec<PathBuf>,
-    /// Where the target stands, of a task that lets it be chosen, m.
+    /// Position of the target, for a task with a choice of target, m.
     pub target_m: [f64; 2],
-    /// What its task lets be chosen, by name; see `skillet task list`.
+    /// Options of the task, by name; see `skillet task list`.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub options: BTreeMap<String, String>,
-    /// Instead of `learner.reward`: reward and success as expressions over the measures, or a program.
+    /// Replaces `learner.reward`: reward and success as expressions over the measures, or a program.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub judge: Option<JudgeConfig>,
 }
@@ -73,16 +73,16 @@ pub struct LogConfig {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct MetricsConfig {
-    /// Loopback address of the controller's Prometheus endpoint; nothing listens when absent.
+    /// Loopback address of the controller's Prometheus endpoint; disabled by default.
     pub listen: Option<SocketAddr>,
 }
 
 impl MetricsConfig {
-    /// Nothing of Skillet is offered to a network.
+    /// Metrics are never offered to a network.
     pub fn check(address: SocketAddr) -> Result<()> {
         if !address.ip().is_loopback() {
             bail!(
-                "metrics.listen is {address}: use a loopback address, as 127.0.0.1:9464, and a \
+                "metrics.listen is {address}: use a loopback address such as 127.0.0.1:9464, and a \
                  proxy of your own for others to see it"
             );
         }
@@ -120,7 +120,7 @@ impl Default for LogConfig {
 pub const SESSION_FILE: &str = "session.toml";
 
 impl Config {
-    /// Reads `path`; what the file does not say is what `of` gives for its task and options. Relative
+    /// Reads `path`; omitted settings are those of `of` for its task and options. Relative
     /// paths inside are relative to the file.
     pub fn read(path: &Path, of: Defaults) -> Result<Config> {
         let text = std::fs::read_to_string(path).with_context(|| {
@@ -145,12 +145,12 @@ impl Config {
         Ok(config)
     }
 
-    /// A configuration that comes with the tool.
+    /// A built-in configuration.
     pub fn of_text(text: &str, of: Defaults) -> Result<Config> {
         Ok(parse(text, of)?)
     }
 
-    /// Everything but what depends on the task.
+    /// Checks everything that does not depend on the task.
     pub fn validate_settings(&self) -> Result<()> {
         shm_types::cell::Cell::new(&self.cell.name).context("cell.name")?;
         if !["error", "warn", "info", "debug", "trace"].contains(&self.log.level.as_str()) {

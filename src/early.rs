@@ -1,4 +1,4 @@
-//! Rollouts that ended early, by reason: a session that learns nothing says why.
+//! Rollouts that ended early, by reason, to explain a session that learns nothing.
 
 use std::collections::BTreeMap;
 

@@ -1,4 +1,4 @@
-//! Exit codes, the same for every command, and how an error is told.
+//! Exit codes, the same for every command, and error reporting.
 
 use std::ffi::OsStr;
 use std::process::ExitCode;
@@ -8,12 +8,12 @@ use shm_types::channel::ChannelError;
 
 use crate::{output, stderr};
 
-/// How a command ended, if not by an error.
+/// How a command ended, if not with an error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Verdict {
     Done,
     Negative,
-    /// Only of a command that asks for just that; for all others it is an error.
+    /// Only for a command that queries this; for all others it is an error.
     NoController,
 }
 
@@ -28,7 +28,7 @@ pub const CODES: [(u8, &str); 4] = [
         "negative verdict: interrupted, health is bad, something does not fit, differs or was lost",
     ),
     (ERROR, "error: usage, input, no access, refused or failed; the message says how to fix it"),
-    (NO_CONTROLLER, "no controller: there is none in the cell, or it does not answer"),
+    (NO_CONTROLLER, "no controller: there is none in the cell, or it does not respond"),
 ];
 
 impl From<Verdict> for ExitCode {
@@ -52,7 +52,7 @@ pub fn help() -> String {
     )
 }
 
-/// Whether the command line asks for JSON, known also when it is not understood.
+/// Whether the command line has --json, even if it cannot be parsed.
 fn wants_json() -> bool {
     std::env::args_os().any(|argument| argument == OsStr::new("--json"))
 }
@@ -70,12 +70,12 @@ fn code(error: &anyhow::Error) -> u8 {
     if is_absence { NO_CONTROLLER } else { ERROR }
 }
 
-/// Tells `error`: as JSON on standard output to whoever reads JSON there, else on standard error.
-/// A service tells its log as well.
+/// Reports `error` as JSON on standard output with --json, otherwise on standard error. A service
+/// also logs it.
 pub fn tell(error: &anyhow::Error, is_service: bool) -> ExitCode {
     let json = wants_json();
     if json {
-        // With standard output closed there is nobody to tell.
+        // Standard output may be closed.
         let _ = output::print(&format!("{}\n", json!({ "error": object(error) })));
     }
     if !json || is_service {
@@ -84,7 +84,7 @@ pub fn tell(error: &anyhow::Error, is_service: bool) -> ExitCode {
     ExitCode::from(code(error))
 }
 
-/// Tells what is wrong with the command line, or prints the help it asks for.
+/// Reports an error in the command line, or prints the requested help.
 pub fn usage(error: &clap::Error) -> ExitCode {
     if error.use_stderr() && wants_json() {
         let message = error.render().to_string();

@@ -51,7 +51,7 @@ pub fn expected(config: &Config, model: &ArmModel, is_simulated: bool) -> Result
 pub fn words(command: &str) -> Result<Vec<String>> {
     children::words(
         command,
-        "the plant's program is empty: name one, as \"python3 examples/plant_mujoco.py\"",
+        "the plant's program is empty: name one, such as \"python3 examples/plant_mujoco.py\"",
     )
 }
 
@@ -104,7 +104,7 @@ impl Started {
                 bail!(self.program.obituary(status));
             }
         }
-        bail!("the plant did not come within {} s: run its program by hand", TO_COME.as_secs())
+        bail!("the plant did not connect within {} s: run its program by hand", TO_COME.as_secs())
     }
 }
 

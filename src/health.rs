@@ -1,4 +1,4 @@
-//! Is the cell well? One word for a monitor, and the reasons for a person.
+//! Health of a cell: one word for a monitor, and the reasons for a person.
 
 use std::time::Duration;
 
@@ -8,23 +8,23 @@ use shm_types::cell::Cell;
 use shm_types::command::{PLANT_ABSENT, Status};
 use shm_types::telemetry::{ASKS_DEMONSTRATION, WAITS_DISK, WAITS_JUDGE, WAITS_RATING};
 
-/// Controller and learner beat ten times a second; who was not heard for so long is silent. It is said
-/// within 2 s, by observers that look twice a second, too.
+/// Controller and learner send ten heartbeats a second; without one for this long they count as silent.
+/// Observers that poll twice a second then report it within 2 s.
 pub const SILENT: Duration = Duration::from_millis(1500);
-/// A learner that joins or leaves the cell is not heard for a moment, ns.
+/// How long a learner that joins or leaves the cell may be silent, ns.
 const MUTE_NS: u64 = 3_000_000_000;
-/// A loop in real time ticks all the time, ns.
+/// A real-time loop without a tick for this long has stopped, ns.
 const TICKLESS_NS: u64 = 1_000_000_000;
-/// How long a loop that stood still is no longer called well, ns; it stays counted.
+/// How long a stall degrades the health, ns; it stays counted.
 const STALL_SHOWN_NS: u64 = 600_000_000_000;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Health {
     Ok,
-    /// It goes on, with less than it should have.
+    /// The cell works, with reduced capability.
     Degraded,
-    /// Something waits for a person.
+    /// The cell needs attention.
     Bad,
 }
 
@@ -38,7 +38,7 @@ impl Health {
     }
 }
 
-/// The worst of all findings, and what was found.
+/// The worst health of all findings, and the findings.
 pub fn of(status: &Status) -> (Health, Vec<String>) {
     let found = findings(status);
     let worst = found.iter().map(|(health, _)| *health).max().unwrap_or(Health::Ok);
@@ -49,10 +49,13 @@ fn findings(status: &Status) -> Vec<(Health, String)> {
     let mut found = Vec::new();
     if status.latched_fault != 0 {
         let fault = Fault::describe(status.latched_fault as u32);
-        found.push((Health::Bad, format!("the arm is held ({fault}) until `skillet rearm`")));
+        found.push((
+            Health::Bad,
+            format!("the arm is held ({fault}); run `skillet rearm` to resume"),
+        ));
     }
     if status.plant == PLANT_ABSENT {
-        let why = "no plant has come yet: start it; `skillet plant check` tries one out";
+        let why = "no plant has connected yet: start one; `skillet plant check` tests it";
         found.push((Health::Degraded, why.into()));
     }
     if status.tick_age_ns >= TICKLESS_NS {
@@ -60,8 +63,7 @@ fn findings(status: &Status) -> Vec<(Health, String)> {
         found.push((Health::Bad, format!("the loop has not ticked for {age:.0} s")));
     }
     if status.spool_full == 1 {
-        let why =
-            "the spool is full and learning pauses: start the learner that its episodes wait for";
+        let why = "the spool is full and learning is paused: start the learner of its episodes";
         found.push((Health::Bad, why.into()));
     }
     if status.state_errors > 0 {
@@ -73,24 +75,24 @@ fn findings(status: &Status) -> Vec<(Health, String)> {
     }
     if status.stall_age_ns < STALL_SHOWN_NS {
         let [last, age] = [status.stall_last_ns, status.stall_age_ns].map(|ns| ns as f64 * 1e-9);
-        let why = format!("the loop stood still for {last:.1} s, {age:.0} s ago: see the log");
+        let why = format!("the loop stalled for {last:.1} s, {age:.0} s ago: see the log");
         found.push((Health::Degraded, why));
     }
     if let Some(why) = silence(status).or_else(|| mute(status)) {
         found.push((Health::Degraded, why));
     }
     if status.learner_waits == WAITS_DISK && has_learner(status) {
-        let why = "the learner waits for its disk: free space or fix permissions, see its log";
+        let why = "the learner is waiting for its disk: free space or fix permissions, see its log";
         found.push((Health::Degraded, why.into()));
     }
     if status.is_paced() && status.privileged == 0 {
-        let why = "the loop has no real-time priority: see `skillet doctor`";
+        let why = "the loop has no real-time priority: run `skillet doctor`";
         found.push((Health::Degraded, why.into()));
     }
     found
 }
 
-/// A learner that was there and is silent, and what the controller does without it.
+/// Describes a learner that has become silent, and what the controller does without it.
 fn silence(status: &Status) -> Option<String> {
     let age_ns = status.learner_age_ns;
     if age_ns == u64::MAX || Duration::from_nanos(age_ns) < SILENT {
@@ -98,22 +100,22 @@ fn silence(status: &Status) -> Option<String> {
     }
     let served = if status.active.is_none() { status.last_good } else { status.active };
     let does = match served.is_none() {
-        true => "no policy is good yet, so the arm is held".to_string(),
-        false => format!("policy {} is at hand", served.describe()),
+        true => "no policy has succeeded yet, so the arm is held".to_string(),
+        false => format!("policy {} is served", served.describe()),
     };
-    Some(format!("the learner is silent for {:.0} s; {does}", age_ns as f64 * 1e-9))
+    Some(format!("the learner has been silent for {:.0} s; {does}", age_ns as f64 * 1e-9))
 }
 
-/// A learner that is there and was never heard: its first word waits for something.
+/// Describes a learner that has joined but never sent a heartbeat.
 fn mute(status: &Status) -> Option<String> {
     let mute_ns = status.learner_mute_ns;
     (MUTE_NS..u64::MAX).contains(&mute_ns).then(|| {
         let age = mute_ns as f64 * 1e-9;
-        format!("a learner is in the cell and not heard for {age:.0} s: it resumes or is stuck, see its log")
+        format!("a learner has joined the cell but sent no heartbeat for {age:.0} s: it is resuming or stuck, see its log")
     })
 }
 
-/// Where somebody has moved the posture: joint by joint.
+/// The offsets of a moved posture, joint by joint.
 pub fn posture(status: &Status) -> Option<String> {
     let moved = status.posture.iter().enumerate().filter(|(_, offset)| **offset != 0.0);
     let said: Vec<String> =
@@ -125,16 +127,18 @@ pub fn has_learner(status: &Status) -> bool {
     Duration::from_nanos(status.learner_age_ns) < SILENT
 }
 
-/// What is as somebody wanted it, and worth a line: who waits for what, and since when.
+/// Intended states worth a line: a pinned policy, a held arm, a learner that waits.
 pub fn notes(status: &Status, cell: &str) -> Vec<String> {
     let mut notes = Vec::new();
     let active = if status.active.is_none() { status.last_good } else { status.active };
     let policy = active.describe();
     if status.latched_fault != 0 && has_learner(status) {
-        notes.push(format!("learner waits: the arm is held; `skillet rearm --cell {cell}`"));
+        notes.push(format!(
+            "learner waits: the arm is held; run `skillet rearm --cell {cell}` to resume"
+        ));
     } else if status.pinned == 1 && has_learner(status) {
         let unpin = format!("`skillet policy unpin --cell {cell}`");
-        notes.push(format!("learner waits: policy {policy} is pinned; {unpin}"));
+        notes.push(format!("learner waits: policy {policy} is pinned; run {unpin} to release it"));
     }
     if status.learner_waits == WAITS_JUDGE && has_learner(status) {
         notes.push("learner waits for its judge; see judge.log in the session folder".into());
@@ -144,19 +148,19 @@ pub fn notes(status: &Status, cell: &str) -> Vec<String> {
     }
     if let Some(offset) = posture(status) {
         notes.push(format!(
-            "the posture of served rollouts is moved by {offset}; `skillet posture --reset --cell {cell}`"
+            "the posture of served rollouts is offset by {offset}; run `skillet posture --reset --cell {cell}` to reset it"
         ));
     }
     if status.pin_restored == 1 {
         notes.push(format!(
-            "policy {policy} was pinned by an earlier run and is served without a command; `skillet \
-             policy pin`, `unpin` or `hold` answers that"
+            "policy {policy} was pinned by an earlier run and is being served; run `skillet policy pin` to \
+             confirm, or `unpin` or `hold`"
         ));
     }
     notes
 }
 
-/// What the learner asks of people, with the command that answers it.
+/// What the learner needs from a person, with the command that provides it.
 pub fn people(waits: u64, cell: &str) -> Option<String> {
     let folder = || {
         let folder = Cell::new(cell).ok().and_then(|cell| cell.session());
@@ -164,10 +168,10 @@ pub fn people(waits: u64, cell: &str) -> Option<String> {
     };
     match waits {
         WAITS_RATING => {
-            Some(format!("learner waits for a rating: `skillet judge {} --rate 7`", folder()))
+            Some(format!("learner waits for a rating: run `skillet judge {} --rate 7`", folder()))
         }
         ASKS_DEMONSTRATION => Some(format!(
-            "the search stands still: show it how, `skillet demo add {} file.csv`",
+            "the search is stuck: add a demonstration with `skillet demo add {} file.csv`",
             folder()
         )),
         _ => None,
@@ -200,14 +204,14 @@ mod tests {
         let stalled =
             Status { stalls: 1, stall_last_ns: 4 * s, stall_age_ns: 12 * s, ..Status::ZERO };
         assert_eq!(of(&stalled).0, Health::Degraded);
-        assert!(finding(stalled).contains("stood still for 4.0 s, 12 s ago"));
+        assert!(finding(stalled).contains("stalled for 4.0 s, 12 s ago"));
         assert_eq!(of(&Status { stall_age_ns: 600 * s, ..stalled }).0, Health::Ok, "an old one");
         assert_eq!(of(&Status { tick_age_ns: 2 * s, ..Status::ZERO }).0, Health::Bad);
         let mute = |learner_mute_ns| Status { learner_mute_ns, ..Status::ZERO };
         assert_eq!(of(&mute(s)).0, Health::Ok, "it has just come");
-        assert!(finding(mute(9 * s)).contains("not heard for 9 s"));
+        assert!(finding(mute(9 * s)).contains("no heartbeat for 9 s"));
         let full = Status { learner_waits: WAITS_DISK, learner_age_ns: 0, ..Status::ZERO };
-        assert!(finding(full).contains("waits for its disk"));
+        assert!(finding(full).contains("waiting for its disk"));
     }
 
     #[test]

@@ -1,16 +1,16 @@
-//! Are the motors strong enough to hold the arm still? Where they are not, nothing can be learnt.
+//! Checks that the motors are strong enough to hold the arm; otherwise nothing can be learnt.
 
 use anyhow::{Context, Result, bail};
 use physics::arm::{ArmModel, JointVector, dynamics};
 
 use crate::config::Config;
 
-/// That the arm holds itself, and its pan, in the start posture.
+/// Checks that the arm can hold itself and its pan in the start posture.
 pub fn check_start(config: &Config, model: &ArmModel) -> Result<()> {
     check(model, &config.plant.start_posture()).context("plant.start_posture_rad cannot be held")
 }
 
-/// That every motor is strong enough to hold the arm at `q`.
+/// Checks that every motor is strong enough to hold the arm at `q`.
 pub fn check(model: &ArmModel, q: &JointVector) -> Result<()> {
     let (needed, limits) = (dynamics::gravity_torque(model, q), model.limits().tau_max);
     let weak = |i: &usize| needed[*i].abs() > limits[*i];

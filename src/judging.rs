@@ -76,7 +76,7 @@ impl Assessor for NotHere {
         _: &[TickRecord],
         _: &Measures,
     ) -> Result<Vec<f64>, AssessError> {
-        Err(AssessError::Broken("only a session starts the program of task.judge".into()))
+        Err(AssessError::Broken("the program of task.judge runs only in a session".into()))
     }
 }
 

@@ -1,4 +1,4 @@
-//! Structured logs on standard error, which nobody waits for.
+//! Structured logs on standard error, which never block.
 
 use tracing_subscriber::EnvFilter;
 

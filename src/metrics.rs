@@ -2,7 +2,7 @@
 //! text, on loopback.
 //!
 //! It asks the controller like any other tool, and listens to the learner like any observer, from a
-//! thread of its own: whoever scrapes it, however often, is one more client of the cell and nothing to
+//! thread of its own: a scraper, however frequent, is one more client of the cell and nothing to
 //! the loop.
 
 mod learning;

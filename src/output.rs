@@ -9,12 +9,12 @@ use anyhow::{Context, Result, bail};
 /// Nobody reads standard output any more.
 static IS_CLOSED: AtomicBool = AtomicBool::new(false);
 
-/// Whoever read standard output has seen enough: a command that prints again and again ends.
+/// The reader has closed standard output: a command that prints repeatedly ends.
 pub fn is_closed() -> bool {
     IS_CLOSED.load(Ordering::Relaxed)
 }
 
-/// Prints `text`. Whoever closed the pipe (`| head`) has seen enough: that is no error.
+/// Prints `text`. A closed pipe (`| head`) is not an error.
 pub fn print(text: &str) -> Result<()> {
     let mut stdout = std::io::stdout().lock();
     match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {

@@ -1,4 +1,4 @@
-//! What a person says to a session: a letter to its learner, and what became of it.
+//! Ratings and demonstrations from a person: a letter to the learner, and its result.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -10,11 +10,11 @@ use serde_json::json;
 
 use crate::session_folder::SessionFolder;
 
-/// How long a learner at work is given to take a letter.
+/// How long to wait for a running learner to accept a letter.
 const PATIENCE: Duration = Duration::from_secs(2);
 const LOOK: Duration = Duration::from_millis(20);
 
-/// What is said of a rollout.
+/// A rating of a rollout.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Word {
     /// 0 to 10.
@@ -25,23 +25,23 @@ pub enum Word {
     Withdraw,
 }
 
-/// What became of a letter.
+/// The result of a letter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Answer {
-    /// It counts from this rollout on.
+    /// It takes effect from this rollout on.
     Taken { from: u64 },
-    /// A rollout is under way, after which it is taken.
+    /// A rollout is running; it takes effect afterwards.
     Recorded,
-    /// No learner is at work; the next one takes it.
+    /// No learner is running; the next one applies it.
     AtRest,
 }
 
 impl Answer {
     pub fn sentence(self) -> String {
         match self {
-            Answer::Taken { from } => format!("taken; it counts from rollout {from} on"),
-            Answer::Recorded => "recorded; the learner takes it after the rollout under way".into(),
-            Answer::AtRest => "recorded; the learner takes it when the session is resumed".into(),
+            Answer::Taken { from } => format!("accepted; takes effect from rollout {from}"),
+            Answer::Recorded => "recorded; takes effect after the current rollout".into(),
+            Answer::AtRest => "recorded; takes effect when the session is resumed".into(),
         }
     }
 
@@ -53,7 +53,7 @@ impl Answer {
     }
 }
 
-/// A rating that was given: of which rollout, and what it came to if that is known already.
+/// A rating that was given: its rollout, and its value if it is already known.
 pub struct Rated {
     pub rollout: u64,
     pub rating: Option<f64>,
@@ -77,7 +77,7 @@ pub fn rate(folder: &SessionFolder, rollout: Option<u64>, word: Word) -> Result<
     if !people.takes_ratings() {
         bail!(
             "{}: ratings do not count in this session: start one with learner.people.weight above 0, the \
-             share of ratings in a reward",
+             share of ratings in the reward",
             folder.dir().display()
         );
     }
@@ -119,7 +119,7 @@ pub fn rate(folder: &SessionFolder, rollout: Option<u64>, word: Word) -> Result<
     })
 }
 
-/// Gives one more demonstration, `text` of the file `file`.
+/// Adds a demonstration, `text` of the file `file`.
 pub fn show(folder: &SessionFolder, file: &Path, text: String) -> Result<Answer> {
     let file = file
         .file_name()
@@ -143,7 +143,7 @@ fn expect_executed(folder: &SessionFolder, trials: &[TrialRecord], rollout: u64)
             "rollout {rollout} was not executed: it was refused or set aside, see `skillet trials`"
         ),
         None => {
-            bail!("{}: has no rollout {rollout}, but 1..={}", folder.dir().display(), trials.len())
+            bail!("{}: no rollout {rollout}; use 1..={}", folder.dir().display(), trials.len())
         }
     }
 }
@@ -157,7 +157,7 @@ fn post(folder: &SessionFolder, says: Says) -> Result<Post> {
     })
 }
 
-/// Waits a little for the learner; `found` is what it has made of the letter, by its id.
+/// Waits briefly for the learner; `found` reads the stored result of the letter by its id.
 fn await_taken<T>(
     folder: &SessionFolder,
     post: &Post,
@@ -175,8 +175,8 @@ fn await_taken<T>(
     match found(&open(folder)?)? {
         Some(found) => Ok(Ok(found)),
         None => bail!(
-            "{}: the learner refused it; learner.log in the session folder, or the log of its service, says \
-             why",
+            "{}: refused by the learner; see learner.log in the session folder, or the log of its service, for \
+             the reason",
             folder.dir().display()
         ),
     }

@@ -1,4 +1,4 @@
-//! Progress of a session: a bar on a terminal, a line now and then elsewhere.
+//! Progress of a session: a bar on a terminal, otherwise an occasional line.
 
 use std::cell::Cell;
 
@@ -11,7 +11,7 @@ use crate::early::{self, EndedEarly};
 use crate::stderr::say;
 use crate::tty;
 
-/// What the learner process says after each trial, one JSON object a line.
+/// The learner process's output after each trial, one JSON object per line.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TrialLine {
     pub rollout: u64,
@@ -65,7 +65,7 @@ impl TrialLine {
     }
 }
 
-/// Without a terminal, one line each so many rollouts.
+/// Rollouts per line without a terminal.
 const LINE_EVERY: u64 = 10;
 
 pub struct Progress {
@@ -82,8 +82,8 @@ impl Progress {
     pub fn new(rollouts: u64, done: u64, has_success: bool) -> Progress {
         let first = match done {
             0 => "starting controller and learner".to_string(),
-            // Nothing else is heard until a long session is where it was.
-            _ => format!("taking up {done} stored rollouts"),
+            // A long session prints nothing else until it has been restored.
+            _ => format!("resuming after {done} rollouts"),
         };
         let bar = tty::can_draw(&std::io::stderr()).then(|| {
             let style = ProgressStyle::with_template(
@@ -105,8 +105,8 @@ impl Progress {
         if let Some(reason) = trial.refused.as_ref().filter(|_| !self.has_refused.replace(true)) {
             let rollout = trial.rollout;
             self.note(&format!(
-                "rollout {rollout}: the controller refused the policy, a trial without reward: {reason}; \
-                 further ones are in learner.log"
+                "rollout {rollout}: the controller refused the policy, so the trial earns no reward: {reason}; \
+                 see learner.log for further refusals"
             ));
         }
         let best = trial.best_reward.map_or("none".into(), |best| format!("{best:.3}"));

@@ -28,27 +28,27 @@ pub fn on_hangup(path: Option<&Path>, running: &Config, set_level: SetLevel) -> 
 
 fn reload(path: Option<&PathBuf>, running: &Config, set_level: &SetLevel) {
     let Some(path) = path else {
-        tracing::warn!("nothing to read again: this service was started without --config");
+        tracing::warn!("nothing to reload: this service was started without --config");
         return;
     };
     let config = match Config::load(Some(path)) {
         Ok(config) => config,
         Err(error) => {
-            tracing::error!("configuration not taken over: {error:#}");
+            tracing::error!("configuration not reloaded: {error:#}");
             return;
         }
     };
     if let Err(error) = set_level(&config.log.level) {
-        tracing::error!("log.level not taken over: {error}");
+        tracing::error!("log.level not changed: {error}");
     }
     let changed = changed_tables(running, &config);
-    tracing::info!(level = config.log.level, "configuration read again");
+    tracing::info!(level = config.log.level, "configuration reloaded");
     if !changed.is_empty() {
-        tracing::warn!("changes in {} wait for a restart", changed.join(", "));
+        tracing::warn!("changes in {} take effect after a restart", changed.join(", "));
     }
 }
 
-/// Tables with changes that a running service does not take over.
+/// Tables with changes that need a restart.
 fn changed_tables(running: &Config, config: &Config) -> Vec<&'static str> {
     let log = |config: &Config| LogConfig { level: String::new(), ..config.log.clone() };
     [

@@ -1,4 +1,4 @@
-//! A stored session, taken up again by telling its search every trial.
+//! Resumes a stored session by telling its search every trial.
 
 use std::time::{Duration, Instant};
 
@@ -11,10 +11,10 @@ use crate::config::Config;
 use crate::session_folder::SessionFolder;
 use crate::setup;
 
-/// What takes longer is shown, every so often.
+/// Interval of progress messages for long sessions.
 const EVERY: Duration = Duration::from_secs(3);
 
-/// The session goes on with `judge`. `say` hears how far a long one is.
+/// Resumes the session with `judge`; `say` receives the progress of a long one.
 pub fn resume(
     folder: &SessionFolder,
     config: &Config,

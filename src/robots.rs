@@ -1,4 +1,4 @@
-//! Arms that come with the tool: URDF, demonstration and settings, so that nobody has a file to write.
+//! Built-in arms: URDF, demonstration and settings, so that no file has to be written.
 
 use std::path::Path;
 
@@ -42,7 +42,7 @@ impl Robot {
         let names = || ALL.each_ref().map(|robot| robot.name).join(", ");
         ALL.iter()
             .find(|robot| robot.name == name)
-            .with_context(|| format!("no arm '{name}' comes with this tool: use {}", names()))
+            .with_context(|| format!("no built-in arm '{name}': use {}", names()))
     }
 
     /// Puts its files into `dir` and returns the settings that name them.

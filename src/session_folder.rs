@@ -16,7 +16,7 @@ const ARM: &str = "arm.urdf";
 const TIMING: &str = "timing.json";
 const RECORDS: &str = "rollout.npy";
 const LOCK: &str = "session.lock";
-/// Whoever looks whether a session is in use holds its lock for an instant: a learner tries again.
+/// A check whether the session is in use holds its lock for an instant, so a learner retries.
 const TRIES: usize = 20;
 const PAUSE: Duration = Duration::from_millis(5);
 
@@ -156,14 +156,14 @@ impl SessionFolder {
         match changed {
             None => Ok(()),
             Some(what) => bail!(
-                "{}: {what} differs from what this session was started with: resume it without \
-                 --config, or start another one with --out",
+                "{}: {what} differs from the session's: resume without --config, or start \
+                 another session with --out",
                 self.dir.display()
             ),
         }
     }
 
-    /// Held by the learner of this session. Two would spoil it.
+    /// Locks the session for its only learner.
     pub fn lock(&self) -> Result<File> {
         let path = self.dir.join(LOCK);
         let file = File::create(&path).with_context(|| self.cannot("write"))?;
@@ -176,7 +176,7 @@ impl SessionFolder {
         bail!("{}: this session is in use: wait for it, or stop it", self.dir.display());
     }
 
-    /// A learner is at work on it.
+    /// Whether a learner is using the session.
     pub fn is_in_use(&self) -> bool {
         // Shared: those who look do not see each other.
         File::open(self.dir.join(LOCK))

@@ -21,7 +21,7 @@ const AT_ONCE: i32 = 130;
 /// Who is asked to end.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Who {
-    /// A command at work before somebody; the end of its terminal is its end.
+    /// A command in a terminal, which ends with it.
     Tool,
     /// A service; it lives on without its terminal, and SIGHUP is for `reload`.
     Service,
@@ -36,7 +36,7 @@ impl Who {
     }
 }
 
-/// A flag that the first request sets. A second one, a second later, ends the process at once.
+/// A flag set by the first request. Another request, a second later, ends the process at once.
 pub fn stop_flag(who: Who) -> Result<Arc<AtomicBool>> {
     let mut signals = Signals::new(ending(who)).context(INSTALLING)?;
     let stop = Arc::new(AtomicBool::new(false));
@@ -58,8 +58,8 @@ pub fn stop_flag(who: Who) -> Result<Arc<AtomicBool>> {
 /// A request that `end_after` takes up has come.
 static IS_ENDING: AtomicBool = AtomicBool::new(false);
 
-/// Comes back only if nobody has asked for an end. What fails after that fails because of the end,
-/// which tells itself.
+/// Returns only if no end was requested. Later failures are caused by the end, which reports
+/// itself.
 pub fn let_it_end() {
     while IS_ENDING.load(Ordering::Relaxed) {
         std::thread::park();

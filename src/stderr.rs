@@ -1,6 +1,6 @@
-//! Standard error that blocks and ends nobody: a thread writes what the others have to say.
+//! Standard error that neither blocks nor ends a process: a thread writes the lines of all others.
 //!
-//! Whoever reads it may be gone, stand still, or be a full disk. Then lines are lost and counted, and the
+//! Its reader may be gone, be stuck, or be a full disk. Then lines are lost and counted, and the
 //! log says how many once it is written again. `tests/tidy.rs` keeps everybody else from standard error.
 
 use std::collections::VecDeque;
@@ -47,12 +47,12 @@ pub fn sink() -> Sink {
     STDERR.clone()
 }
 
-/// Standard output, for progress that nobody may wait for.
+/// Standard output, for progress that must not block.
 pub fn stdout() -> Sink {
     Sink::start(of_fd(io::stdout().as_fd()))
 }
 
-/// Says a line to whoever sits before a tool.
+/// Prints a line for the user of a tool.
 pub fn say(text: &str) {
     STDERR.push(format!("{text}\n").into_bytes());
     if !STDERR.shared.lock().is_stuck {
@@ -80,7 +80,7 @@ pub fn take_panics() {
     }));
 }
 
-/// A handle of its own: that of the standard library is locked by whoever is stuck in it.
+/// A handle of its own: that of the standard library is locked by a thread that is stuck in it.
 fn of_fd(fd: std::os::fd::BorrowedFd) -> Box<dyn Write + Send> {
     match fd.try_clone_to_owned() {
         Ok(fd) => Box::new(File::from(fd)),

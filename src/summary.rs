@@ -90,7 +90,7 @@ impl Summary {
             self.rollouts_per_s,
         );
         if result.set_aside > 0 {
-            text += &format!("{} rollouts set aside, not learnt\n", result.set_aside);
+            text += &format!("{} rollouts set aside, not learnt from\n", result.set_aside);
         }
         if let Some(early) = early::sentence(&early::by_reason(&result.ended_early)) {
             text += &format!("{early}\n");
@@ -103,7 +103,7 @@ impl Summary {
         if self.interrupted {
             let dir = self.folder.dir().display();
             text +=
-                &format!("stopped early; go on with: skillet learn {} --out {dir}\n", self.task);
+                &format!("stopped early; resume with: skillet learn {} --out {dir}\n", self.task);
         }
         text
     }
@@ -112,7 +112,7 @@ impl Summary {
     fn means(&self) -> String {
         match (self.result.means_last20, self.result.mean_successes_last20) {
             (0, _) => String::new(),
-            (n, successes) => format!(" ({n} were the mean itself, {successes} succeeded)"),
+            (n, successes) => format!(" ({n} executed the mean, {successes} succeeded)"),
         }
     }
 

@@ -69,7 +69,10 @@ fn a_forbidden_mode_gives_way_and_comes_back() {
     let others: Vec<String> = others.map(|number| number.to_string()).collect();
     let (last, rest) = others.split_last().unwrap();
     rest.iter().for_each(|mode| drop(bench.ok(&["policy", "forbid", "s", mode])));
-    bench.refused(&["policy", "forbid", "s", last], &["last mode", "nothing changed", "allow s"]);
+    bench.refused(
+        &["policy", "forbid", "s", last],
+        &["last allowed mode", "nothing changed", "allow s"],
+    );
     bench.ok(&["policy", "export", "s", "--prefer", "tolerant"]);
 
     let allowed = bench.ok(&["policy", "allow", "s", &first.to_string(), "--json"]);

@@ -77,7 +77,7 @@ fn refusal(output: &Output) -> String {
     // With `--json` it is on standard output.
     let said = format!("{}{}", String::from_utf8_lossy(&output.stdout), stderr(output));
     assert_eq!(output.status.code(), Some(2), "{said}");
-    assert!(!said.contains("/dev/shm") && !said.contains("one build"), "{said}");
+    assert!(!said.contains("/dev/shm") && !said.contains("same build"), "{said}");
     assert!(!said.contains("panicked"), "{said}");
     said
 }

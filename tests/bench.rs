@@ -1,4 +1,4 @@
-//! `skillet bench`: every bench runs and says what it measured. How fast is no test's business.
+//! `skillet bench`: every bench runs and reports its measurements. Speed is not tested.
 
 mod util;
 

@@ -1,4 +1,4 @@
-//! A session whose file was damaged goes on as if nothing had happened.
+//! A session whose file was damaged continues unchanged.
 
 mod util;
 
@@ -17,7 +17,7 @@ fn a_damaged_session_is_restored_from_its_second_copy_and_goes_on() {
     bytes[4096..].fill(0x5a);
     std::fs::write(&session, &bytes).unwrap();
     bench.refused(&["report", "s"], &["session.db is corrupted", "resume the session"]);
-    // The same command as ever; what was damaged is kept for whoever wants to look at it.
+    // The same command as ever; the damaged file is kept for inspection.
     bench.ok(&learn("9", "s"));
     assert_eq!(std::fs::read(bench.path("s/session.damaged-1.db")).unwrap(), bytes);
     bench.ok(&learn("9", "undisturbed"));

@@ -22,7 +22,7 @@ const SIZE: &str = "12m";
 
 fn status(bench: &Bench) -> Option<Value> {
     let output = bench.run(&["status", "--cell", "c1", "--json"]);
-    // Exit code 1: the cell is not well, which is what is wanted here.
+    // Exit code 1: the cell is unhealthy, as intended here.
     serde_json::from_slice(&output.stdout).ok().filter(|value: &Value| value["health"].is_string())
 }
 
@@ -44,7 +44,7 @@ fn undisturbed(bench: &Bench) -> Vec<Vec<u64>> {
 }
 
 /// The state folder fails while episodes are spooled, by `break_it`, and is well again.
-fn spool_fails(break_it: impl Fn(&Place), mend: impl Fn(&Place)) {
+fn spool_fails(break_it: impl Fn(&Place), fix: impl Fn(&Place)) {
     let bench = Bench::new();
     let Some(place) = Place::new(&bench, SIZE) else { return };
     let config = config(&bench, Some(&place.inside("state")));
@@ -61,7 +61,7 @@ fn spool_fails(break_it: impl Fn(&Place), mend: impl Fn(&Place)) {
     let text = bench.ok(&["status", "--cell", "c1"]);
     assert!(text.contains("writes failed; see the controller's log"), "{text}");
 
-    mend(&place);
+    fix(&place);
     let after = bench.trials("s").len();
     bench.wait_for_trials("s", after + 2);
     let errors = number(&bench, "state_errors");
@@ -73,7 +73,7 @@ fn spool_fails(break_it: impl Fn(&Place), mend: impl Fn(&Place)) {
     assert!(left.is_empty(), "{left:?}");
     controller.signal("TERM");
     let said = stderr(&controller.wait());
-    for word in ["not spooled", "state/spool/", ".episode", "free space or mend permissions"] {
+    for word in ["not spooled", "state/spool/", ".episode", "free space or fix permissions"] {
         assert!(said.contains(word), "no '{word}' in: {said}");
     }
     assert_eq!(bits(&bench.trials("s")), undisturbed(&bench));
@@ -125,7 +125,7 @@ fn a_disk_that_fills_up_under_the_session_makes_the_learner_wait() {
     eventually("a beat while it waits", || {
         status(&bench)
             .filter(|status| status["learner_age_s"].as_f64().is_some_and(|age| age < 0.5))
-            .filter(|status| status["findings"].to_string().contains("waits for its disk"))
+            .filter(|status| status["findings"].to_string().contains("waiting for its disk"))
     });
     place.free();
     place.wait_for_trials(&bench, "s", stored as usize + 3);
@@ -222,12 +222,12 @@ fn a_full_spool_pauses_its_session_and_no_other() {
     let third = bench.start(&["controller", "--cell", "c1", "--pace", "realtime"]);
     eventually("a full spool", || status(&bench).filter(|status| status["spool_full"] == true));
     let output = bench.run(&["status", "--cell", "c1"]);
-    assert_eq!(output.status.code(), Some(1), "it waits for somebody");
+    assert_eq!(output.status.code(), Some(1), "it needs attention");
     let text = String::from_utf8_lossy(&output.stdout);
-    assert!(text.contains("it is full, learning pauses"), "{text}");
+    assert!(text.contains("it is full, learning is paused"), "{text}");
     let (paused, tick) = (bench.trials("s").len(), number(&bench, "tick"));
     sleep(Duration::from_secs(3));
-    assert_eq!(bench.trials("s").len(), paused, "learning pauses");
+    assert_eq!(bench.trials("s").len(), paused, "learning is paused");
     assert!(number(&bench, "tick") > tick + 100, "the loop goes on");
     third.signal("TERM");
     third.wait();

@@ -1,4 +1,4 @@
-//! The documents keep their word: ready configurations are valid, and what they name exists.
+//! The documents are correct: ready configurations are valid, and the files they name exist.
 
 mod util;
 

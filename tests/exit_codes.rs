@@ -109,7 +109,7 @@ const ROWS: [Row; 49] = [
     (
         "plant check",
         &[
-            // Whoever serves the cell is in the way.
+            // The process that serves the cell is in the way.
             (ERROR, "--cell c1"),
             (ERROR, "--cell none --program false"),
             (ERROR, "--config absent.toml"),

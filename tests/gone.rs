@@ -1,4 +1,4 @@
-//! Whatever is shown of a controller or learner has an age: dead ones and those that stand still are told
+//! Every view of a controller or learner shows its age: dead and stuck ones are told
 //! apart from living ones, and the next one is picked up.
 
 mod util;
@@ -86,7 +86,7 @@ fn a_controller_that_dies_or_stands_still_is_said_so_and_the_next_one_is_watched
     controller.signal("STOP");
     let silent = watch.says("controller", "silent");
     assert_eq!(silent["health"], "bad");
-    assert!(silent["findings"][0].as_str().unwrap().contains("has not answered for"), "{silent}");
+    assert!(silent["findings"][0].as_str().unwrap().contains("has not responded for"), "{silent}");
     assert!(silent["status_age_s"].as_f64() >= Some(1.0), "{silent}");
     let status = bench.run(&["status", "--cell", "c1", "--json"]);
     assert_eq!(status.status.code(), Some(3));
@@ -97,7 +97,7 @@ fn a_controller_that_dies_or_stands_still_is_said_so_and_the_next_one_is_watched
     let well =
         watch.until("going on", |line| line["controller"] == "running" && line["health"] != "bad");
     let findings = well["findings"].to_string();
-    assert!(well["health"] == "ok" || findings.contains("stood still"), "{well}");
+    assert!(well["health"] == "ok" || findings.contains("stalled"), "{well}");
 }
 
 #[test]
@@ -165,9 +165,9 @@ fn viewers_are_told_of_a_controller_that_is_gone() {
     };
     said("serving");
     controller.signal("STOP");
-    said("has not answered for");
+    said("has not responded for");
     controller.signal("CONT");
-    said("there again");
+    said("is back");
     controller.signal("KILL");
     controller.wait();
     said("no controller for");

@@ -35,10 +35,7 @@ fn a_written_reward_is_the_built_in_one_to_the_last_bit() {
 
     let again = ["judge", "--again", "built-in", "--config", "written.toml"];
     let said = bench.ok(&again);
-    assert!(
-        said.contains("12 trials judged again: 0 with another reward, 0 with another"),
-        "{said}"
-    );
+    assert!(said.contains("12 trials re-judged: 0 with another reward, 0 with another"), "{said}");
     let rows: Vec<Value> =
         serde_json::from_str(&bench.ok(&[&again[..], &["--json"]].concat())).unwrap();
     assert!(rows.len() == 12 && rows.iter().all(|row| row["before"] == row["now"]));
@@ -119,7 +116,7 @@ fn a_rollout_without_a_verdict_is_set_aside_and_the_session_goes_on() {
     config(&bench, "other.toml", &judge_table("caught", "apex_m"));
     let said = bench.ok(&["judge", "--again", "s", "--config", "other.toml"]);
     assert!(
-        said.contains("trials judged again") && said.contains("not judged → no success"),
+        said.contains("trials re-judged") && said.contains("not judged → no success"),
         "{said}"
     );
 }

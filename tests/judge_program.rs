@@ -131,10 +131,7 @@ fn what_a_program_says_is_stored_and_it_is_needed_no_more() {
     let said = bench.ok(&["replay", "whole", "--all"]);
     assert!(said.contains("24 trials replayed, 0 different"), "{said}");
     let said = bench.ok(&["judge", "--again", "whole", "--config", "whole/session.toml"]);
-    assert!(
-        said.contains("24 trials judged again: 0 with another reward, 0 with another"),
-        "{said}"
-    );
+    assert!(said.contains("24 trials re-judged: 0 with another reward, 0 with another"), "{said}");
     let table = bench.ok(&["trials", "whole", "--csv", "-"]);
     let header = table.lines().next().unwrap();
     assert!(header.contains("height,judge_reward,judge_success,gap"), "{header}");
@@ -179,7 +176,7 @@ fn a_program_that_is_killed_at_any_moment_costs_no_trial() {
     assert!(output.status.success(), "{}", stderr(&output));
     assert!(kills >= 3, "{kills}");
     let log = text(&bench.path("s/learner.log"));
-    assert!(log.contains("was killed by signal 9; started anew and asked again"), "{log}");
+    assert!(log.contains("was killed by signal 9; restarted, request repeated"), "{log}");
     assert_eq!(bits(&bench.trials("s")), bits(&bench.trials("undisturbed")));
 }
 
@@ -189,16 +186,16 @@ fn what_is_no_answer_ends_the_session_by_name_and_a_better_program_goes_on_with_
     bench.ok(&learn("undisturbed", "5", &command("good")));
     let undisturbed = bits(&bench.trials("undisturbed"));
     for (kind, words) in [
-        ("exits", &["ended with exit code 3", "its last words were `I give up`"][..]),
+        ("exits", &["ended with exit code 3", "its last output was `I give up`"][..]),
         ("dies", &["was killed by signal 9"]),
         ("closes", &["closed its standard input or output"]),
-        ("chats", &["it answered `hello`, which is no answer"]),
-        ("floods", &["more than 65536 bytes in a line"]),
-        ("mistakes", &["for rollout 4 when asked for 3"]),
-        ("repeats", &["after its answer: write exactly one line"]),
+        ("chats", &["it replied `hello`, which is not valid"]),
+        ("floods", &["a line of more than 65536 bytes"]),
+        ("mistakes", &["for rollout 4 instead of 3"]),
+        ("repeats", &["after its reply: write exactly one line"]),
         ("forgets", &["lacks the measure gap"]),
-        ("adds", &["answered a measure `more`"]),
-        ("divides", &["NaN", "which is no answer"]),
+        ("adds", &["has a measure `more`"]),
+        ("divides", &["NaN", "which is not valid"]),
         ("misspells", &["unknown field `sucess`"]),
     ] {
         let named = [command(kind), "failed 3 times at rollout 3".into(), "judge.log".into()];
@@ -245,7 +242,8 @@ fn a_program_that_hangs_is_given_up_and_nothing_else_hangs() {
     let output = learner.wait();
     let said = stderr(&output);
     assert_eq!(output.status.code(), Some(2), "{said}");
-    let words = ["failed 3 times at rollout 3", "no answer within 2.5 s", "task.judge.timeout_s"];
+    let words =
+        ["failed 3 times at rollout 3", "did not reply within 2.5 s", "task.judge.timeout_s"];
     assert!(words.iter().all(|word| said.contains(word)), "{said}");
     assert_eq!(bench.trials("s").len(), 2);
     assert!(status(&bench).is_some(), "the controller goes on");

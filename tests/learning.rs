@@ -33,7 +33,7 @@ use search::trial::{Proposal, Trial};
 use shm_types::episode::{EpisodeHeader, MAX_RECORDS, TickRecord};
 
 const SEEDS: std::ops::RangeInclusive<u64> = 101..=108;
-/// Of the eight seeds, so many flip at all, …
+/// At least this many of the eight seeds flip at all, …
 const FLIPPING: usize = 7;
 /// … and the mean success in the last rollouts is at least this. Measured: 8 and 0.93. Eight seeds drawn
 /// from eighty others have a mean below this once in a hundred draws, so another machine, whose

@@ -1,4 +1,4 @@
-//! Whoever reads a log may have gone, stand still or be a full disk: that ends and blocks nobody.
+//! The reader of a log may be gone, be stuck or be a full disk: this neither ends nor blocks a process.
 
 mod util;
 

@@ -107,7 +107,7 @@ fn a_session_at_rest_takes_what_was_said_when_it_is_resumed() {
     bench.ok(&learn("s", "10"));
     let say = |arguments: &[&str]| bench.ok(&[&["judge", "s"], arguments].concat());
     let said = say(&["--rate", "9", "--rollout", "3"]);
-    assert!(said.contains("rollout 3, rated 9.0: recorded; the learner takes it when"), "{said}");
+    assert!(said.contains("rollout 3, rated 9.0: recorded; takes effect when"), "{said}");
     say(&["--rate", "2", "--rollout", "3"]);
     say(&["--better"]);
     // With these, what the robot itself likes best counts for less.
@@ -148,7 +148,7 @@ fn where_ratings_alone_count_nothing_else_does() {
     assert!(trials[1].success && trials[1].reward == 0.6 && !trials[2].success);
     assert!(trials[0].unrated && trials[3].unrated);
     let table = bench.ok(&["judge", "--again", "s", "--config", "s/session.toml"]);
-    assert!(table.contains("5 trials judged again: 0 with another reward"), "{table}");
+    assert!(table.contains("5 trials re-judged: 0 with another reward"), "{table}");
 }
 
 fn status(bench: &Bench) -> Option<Value> {
@@ -209,7 +209,7 @@ fn what_cannot_be_said_is_refused_with_the_reason() {
         bench.refused(arguments, words);
     }
     assert!(!bench.path("s/mail").exists() && !bench.path("deaf/mail").exists());
-    // A letter of somebody else's making is put aside, and the session goes on.
+    // A foreign letter is put aside, and the session continues.
     std::fs::create_dir(bench.path("s/mail")).unwrap();
     let letter = r#"{"id": 1, "says": {"rating": {"rollout": 1, "rating": 11.0}}}"#;
     bench.write("s/mail/1.json", letter);

@@ -1,4 +1,4 @@
-//! Plants in another process: the same bits, real deaths, and what is refused.
+//! Plants in another process: the same bits, real deaths, and refusals.
 
 mod util;
 
@@ -40,7 +40,7 @@ fn our_simulation_in_another_process_leads_to_the_same_trials_bit_for_bit() {
         assert_eq!(bits(&inside), bits(&bench.trials(session)), "{session}");
         // Nothing is left: no process, no shared memory of theirs.
         let log = std::fs::read_to_string(bench.path(session).join("plant.log")).unwrap();
-        assert!(log.contains("the controller is there"), "{log}");
+        assert!(log.contains("connected to the controller"), "{log}");
     }
 }
 
@@ -97,7 +97,7 @@ fn a_plant_that_differs_is_refused_on_both_sides_with_both_values() {
     let waiting = eventually("a controller without a plant", || {
         status(&bench).filter(|status| status["plant"] == "absent")
     });
-    assert!(waiting["findings"].to_string().contains("no plant has come yet"), "{waiting:#}");
+    assert!(waiting["findings"].to_string().contains("no plant has connected yet"), "{waiting:#}");
     for (settings, words) in [
         ("[controller]\nperiod_us = 500\n", ["500000 ns", "1000000"]),
         (
@@ -122,7 +122,7 @@ fn a_plant_that_differs_is_refused_on_both_sides_with_both_values() {
     drop(plant);
     controller.signal("TERM");
     let log = stderr(&controller.wait());
-    assert!(log.contains("a plant is refused") && log.contains("500000 ns"), "{log}");
+    assert!(log.contains("plant refused") && log.contains("500000 ns"), "{log}");
 }
 
 #[test]
@@ -209,7 +209,7 @@ fn a_plant_in_c_is_stepped() {
     assert!(stderr(&bad).contains("cell name"), "{}", stderr(&bad));
 }
 
-/// Whoever sits before a `learn` is told why nothing comes any more, and what to do.
+/// `learn` prints why there are no more trials, and what to do.
 #[test]
 fn learn_says_that_the_arm_is_held() {
     let bench = Bench::new();
@@ -224,7 +224,7 @@ fn learn_says_that_the_arm_is_held() {
     let output = running.wait();
     let said = stderr(&output);
     assert!(output.status.success(), "{said}");
-    assert!(said.contains("the arm is held: somebody asked for the hold"), "{said}");
+    assert!(said.contains("the arm is held: held by operator"), "{said}");
     assert!(said.contains(&format!("skillet rearm --cell {cell}")), "{said}");
     assert_eq!(bench.trials("s").len(), 40);
 }

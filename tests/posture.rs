@@ -70,7 +70,7 @@ fn the_elbow_goes_aside_while_a_policy_is_served_and_comes_back() {
         (&["--joint", "1", "--by", "0.4", "--in", "0.3"][..], ["2.50 rad/s", "0.75 s or more"]),
         (&["--reset", "--in", "0.1"], ["0.1 s", "0.25 to 60 s"]),
         (&["--joint", "4", "--by", "2"], ["joint 4 (j4_elbow_pitch)", "its offset within"]),
-        (&["--offset", "nan"], ["joint 1", "no number"]),
+        (&["--offset", "nan"], ["joint 1", "not a finite number"]),
         (&["--offset", "0,0,0,0,0,0,0,0.1"], ["8 numbers", "at most 7 joints"]),
         (&["--joint", "8", "--by", "0.1"], ["8", "1..=7"]),
         (&["--joint", "1"], ["--by", "required"]),
@@ -82,7 +82,7 @@ fn the_elbow_goes_aside_while_a_policy_is_served_and_comes_back() {
     assert_eq!(status(&bench).unwrap()["posture_offset_rad"], moved["offset_rad"]);
 
     let said = bench.ok(&["posture", "--reset", "--cell", "c1"]);
-    assert!(said.contains("goes back to its start within 1.0 s"), "{said}");
+    assert!(said.contains("returns to its start within 1.0 s"), "{said}");
     until(&bench, "an elbow back", |tick| tick.t_s > 0.8 && tick.q[0].abs() < 0.05);
     assert!(status(&bench).unwrap()["posture_offset_rad"].is_null());
 

@@ -1,4 +1,4 @@
-//! A machine fault under a learner's session: it waits, `skillet rearm` lets it go on, and nothing
+//! A hardware fault under a learner's session: it waits, `skillet rearm` lets it go on, and nothing
 //! of it is lost or changed.
 
 mod util;
@@ -95,7 +95,7 @@ fn a_session_waits_for_the_rearm_and_comes_out_the_same() {
         let learner = ["learner", "--cell", "c1", "--session", "s", "--config"];
         let learner = bench.start(&[&learner[..], &[config.to_str().unwrap()]].concat());
         bench.wait_for_trials("s", 5);
-        bench.refused(&["rearm", "--cell", "c1"], &["nothing is latched"]);
+        bench.refused(&["rearm", "--cell", "c1"], &["no fault is latched"]);
 
         is_cut.store(true, Ordering::Relaxed);
         let held = eventually("the latch", || {
@@ -104,12 +104,12 @@ fn a_session_waits_for_the_rearm_and_comes_out_the_same() {
         assert_eq!(held["latched_fault"], "the measurement is stale");
         assert!(held["latched_s"].is_number());
         assert_eq!(held["fault_records"], 1);
-        bench.refused(&["rearm", "--cell", "c1"], &["the measurement is stale", "mend it"]);
+        bench.refused(&["rearm", "--cell", "c1"], &["the measurement is stale", "fix it"]);
         let n = bench.trials("s").len();
         std::thread::sleep(std::time::Duration::from_millis(500));
         assert!(bench.trials("s").len() <= n + 1, "the learner waits");
         let output = bench.run(&["status", "--cell", "c1"]);
-        assert_eq!(output.status.code(), Some(1), "it waits for somebody");
+        assert_eq!(output.status.code(), Some(1), "it needs attention");
         let text = String::from_utf8(output.stdout).unwrap();
         assert!(text.contains("health      bad; the arm is held"), "{text}");
         assert!(text.contains("held  ") && text.contains("1 flight records in"), "{text}");
@@ -140,11 +140,11 @@ fn a_hold_lasts_until_the_rearm_and_changes_no_trial() {
     let learner = ["learner", "--cell", "c1", "--session", "s", "--config"];
     let learner = bench.start(&[&learner[..], &[config.to_str().unwrap()]].concat());
     bench.wait_for_trials("s", 5);
-    assert!(bench.ok(&["hold", "--cell", "c1"]).contains("held until"));
+    assert!(bench.ok(&["hold", "--cell", "c1"]).contains("is held"));
     let is_held = || {
         let output = bench.run(&["status", "--cell", "c1", "--json"]);
         let status: Value = serde_json::from_slice(&output.stdout).ok()?;
-        (status["latched_fault"] == "somebody asked for the hold").then_some(())
+        (status["latched_fault"] == "held by operator").then_some(())
     };
     eventually("the hold", is_held);
     controller.signal("KILL");

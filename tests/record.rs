@@ -212,7 +212,7 @@ fn a_killed_recorder_loses_its_last_second_and_no_more() {
     recorder.wait();
     let output = bench.run(&["record", "--cell", "c1", "--duration-s", "0.5"]);
     assert_eq!(output.status.code(), Some(0), "{}", util::stderr(&output));
-    assert!(util::stderr(&output).contains("completed"), "{}", util::stderr(&output));
+    assert!(util::stderr(&output).contains("repaired"), "{}", util::stderr(&output));
     assert!(!part.exists());
     let recovered = ticks(&read(&bench.path("c1.mcap")));
     assert!(is_gapless(&recovered));

@@ -69,7 +69,7 @@ fn a_session_goes_on_under_a_wish_to_the_same_bits_and_says_so() {
     );
 
     let report = std::fs::read_to_string(bench.path("s/report/index.html")).unwrap();
-    assert!(report.contains("wished from rollout 31 on"), "the report says so");
+    assert!(report.contains("condition from rollout 31 on"), "the report says so");
     bench.ok(&["replay", "s", "--all"]);
 
     bench.refused(

@@ -60,7 +60,7 @@ fn status_tells_what_a_controller_does_and_that_there_is_none() {
     });
     assert_eq!(done["rollouts_done"], 3);
     let left = eventually("farewell", || status(&bench).filter(|s| s["learner_age_s"].is_null()));
-    assert_eq!(left["health"], "ok", "a learner that ended in order is not missed");
+    assert_eq!(left["health"], "ok", "a learner that ended cleanly is not missed");
     assert!(done["applied_tick"].as_u64().unwrap() > 0);
 
     controller.signal("TERM");
@@ -257,7 +257,7 @@ fn metrics_are_offered_on_loopback_when_asked_for_and_a_hangup_sets_the_log_leve
     controller.signal("TERM");
     let log = util::stderr(&controller.wait());
     assert!(!log.contains("controller ready"), "the level was error: {log}");
-    assert!(log.contains("configuration read again") && log.contains("ended in order"), "{log}");
+    assert!(log.contains("configuration reloaded") && log.contains("ended cleanly"), "{log}");
 }
 
 /// What a process holds that is killed while it joins is not always freed, and places are few.
@@ -281,7 +281,7 @@ fn services_that_dead_processes_have_filled_are_made_anew() {
     let output = learner.wait();
     assert!(output.status.success(), "{}", util::stderr(&output));
     controller.signal("TERM");
-    assert!(util::stderr(&controller.wait()).contains("services made anew"));
+    assert!(util::stderr(&controller.wait()).contains("services recreated"));
     bench.ok(&["learn", "pancake", "--seed", "3", "--rollouts", "40", "--out", "undisturbed"]);
     assert_eq!(bits(&bench.trials("s")), bits(&bench.trials("undisturbed")));
 }

@@ -108,7 +108,7 @@ fn tools_finish_what_they_write() {
     ask_at_once(&study);
     let output = study.wait();
     assert_eq!(output.status.code(), Some(1), "{}", util::stderr(&output));
-    assert!(util::stderr(&output).contains("the same command goes on"));
+    assert!(util::stderr(&output).contains("rerun the command to continue"));
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Kills, swaps and onlookers, short: `skillet soak` with everything it counts.
+//! A short `skillet soak` with kills, swaps and observers, and everything it counts.
 
 mod util;
 

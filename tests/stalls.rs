@@ -1,4 +1,4 @@
-//! What stood still, and what never said a word, is told and stays to be seen.
+//! Stalls and learners that never sent a heartbeat are reported and stay visible.
 
 mod util;
 
@@ -27,7 +27,7 @@ fn a_loop_that_stood_still_says_so_and_is_not_well_for_a_while() {
         let before = eventually("a loop", || {
             status(&bench).filter(|s| pace == "max" || s["tick"].as_u64() > Some(0))
         });
-        assert!(!says(&before, "stood still for 2"), "{before:#}");
+        assert!(!says(&before, "stalled for 2"), "{before:#}");
         controller.signal("STOP");
         std::thread::sleep(Duration::from_millis(2500));
         controller.signal("CONT");
@@ -36,12 +36,12 @@ fn a_loop_that_stood_still_says_so_and_is_not_well_for_a_while() {
         });
         assert!(after["stalls"]["count"].as_u64() >= Some(1), "{after:#}");
         assert_eq!(after["health"], "degraded", "{pace}");
-        assert!(says(&after, "the loop stood still for"), "{after:#}");
+        assert!(says(&after, "the loop stalled for"), "{after:#}");
         let text = String::from_utf8(bench.run(&["status", "--cell", "c1"]).stdout).unwrap();
-        assert!(text.contains("stalls      ") && text.contains("since its start"), "{text}");
+        assert!(text.contains("stalls      ") && text.contains("since the start"), "{text}");
         controller.signal("TERM");
         let log = util::stderr(&controller.wait());
-        assert!(log.contains("WARN the loop stood still for 2."), "{pace}: {log}");
+        assert!(log.contains("WARN the loop stalled for 2."), "{pace}: {log}");
     }
 }
 
@@ -52,8 +52,8 @@ fn a_learner_that_says_nothing_is_not_well() {
     eventually("a controller", || status(&bench));
     let cell = Cell::in_dir(&bench.path("run"), "c1").unwrap();
     let learner = cell.lock(Role::Learner).unwrap();
-    let mute = eventually("a finding", || status(&bench).filter(|s| says(s, "not heard for")));
+    let mute = eventually("a finding", || status(&bench).filter(|s| says(s, "no heartbeat for")));
     assert_eq!(mute["health"], "degraded");
     drop(learner);
-    eventually("its end", || status(&bench).filter(|s| !says(s, "not heard for")));
+    eventually("its end", || status(&bench).filter(|s| !says(s, "no heartbeat for")));
 }

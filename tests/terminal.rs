@@ -83,7 +83,7 @@ fn a_dumb_terminal_gets_no_escape_sequences() {
 }
 
 #[test]
-fn whoever_wants_no_color_gets_none() {
+fn no_color_turns_colours_off() {
     let (bench, _controller) = cell();
     bench.write("few.toml", "[learner]\nrollouts = 2\n");
     let plain = |command: &mut Command| {

@@ -44,7 +44,7 @@ fn a_watcher_that_comes_late_sees_the_whole_curve() {
 fn what_is_no_terminal_and_no_loopback_is_refused() {
     let bench = Bench::new();
     let _services = cell(&bench);
-    bench.refused(&["watch", "--cell", "c1"], &["no terminal", "--json"]);
+    bench.refused(&["watch", "--cell", "c1"], &["not a terminal", "--json"]);
     let public = ["watch", "--cell", "c1", "--serve", "0.0.0.0:8765"];
     bench.refused(&public, &["0.0.0.0:8765", "loopback", "tunnel"]);
 }

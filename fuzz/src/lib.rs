@@ -62,7 +62,7 @@ pub fn wam() -> ArmModel {
     ArmModel::from_urdf(WAM7_URDF, "pan").expect("the project's own")
 }
 
-/// Of a session of actions.
+/// The judge of a session of actions.
 pub fn judge() -> Judge {
     Judge::of_plant(&[("height", "1")], action_session().reward)
 }

@@ -13,7 +13,7 @@ const TOLERANCE: f64 = 1e-9;
 
 /// {πᵢ, μᵢ, Σᵢ}, i = 1 … K, over d coordinates. As JSON, matrices are lists of rows.
 ///
-/// [`Mixture::new`] and reading from JSON check the values; whoever changes a field must keep them so.
+/// [`Mixture::new`] and reading from JSON check the values; code that changes a field must keep them valid.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Lists", into = "Lists")]
 pub struct Mixture {

@@ -8,7 +8,7 @@ pub const MIN_POINTS: usize = 10;
 
 /// A movement in d coordinates (of any unit: m, rad, joints) at T times, all periods equal.
 ///
-/// [`Recording::new`] checks the values; whoever changes a field must keep them so.
+/// [`Recording::new`] checks the values; code that changes a field must keep them valid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recording {
     /// What messages call it, for example the file it came from.

@@ -11,7 +11,7 @@ use crate::mixture::{self, MixtureError};
 /// Eq. (2): ξᵒ = Σᵢ hᵢ(ξʷ)[Aᵢ ξᵀ + bᵢ], i = 1 … K, where hᵢ are the responsibilities of a Gaussian
 /// mixture over ξʷ. As JSON, matrices are lists of rows.
 ///
-/// [`Systems::new`] and reading from JSON check the values; whoever changes a field must keep them so.
+/// [`Systems::new`] and reading from JSON check the values; code that changes a field must keep them valid.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Lists", into = "Lists")]
 pub struct Systems {

@@ -1,5 +1,5 @@
-//! Cells whose rollouts differ from those of the others: another pan, a worn arm. They are named, so that nobody
-//! takes them for the luck of the draw.
+//! Cells whose rollouts differ from those of the others: another pan, a worn arm. They are named, so that
+//! they are not mistaken for chance.
 //!
 //! While a search learns, rewards rise: a trial is compared only with those of other cells that were told just before
 //! and after it. If the cells are alike, a trial has as many better neighbours as worse ones, whatever the
@@ -21,7 +21,7 @@ const DEVIATIONS: f64 = 4.5;
 pub struct Odd {
     pub cell: String,
     pub trials: usize,
-    /// Of the comparisons with trials of other cells, the share in which its own had the lower reward; ties are half.
+    /// Share of comparisons with trials of other cells in which its own had the lower reward; ties count half.
     pub worse: f64,
 }
 

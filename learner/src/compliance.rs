@@ -1,4 +1,4 @@
-//! Pay for compliance: as stiff as needed, as compliant as possible.
+//! Reward for compliance: as stiff as needed, as compliant as possible.
 //!
 //! Variable impedance learning charges gains beside the task (Buchli, Stulp, Theodorou and Schaal,
 //! "Learning variable impedance control", IJRR 2011, Sec. 4: a cost on the gains). Here it pays, once a
@@ -20,11 +20,11 @@ pub const MEASURE: &str = "compliance";
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ComplianceConfig {
-    /// What a unit of compliance, a factor e less of stiffness, adds to the reward of a success; 0: nothing
-    /// is measured nor paid.
+    /// Reward of a success per unit of compliance, which is a factor e less stiffness; 0: compliance is
+    /// neither measured nor rewarded.
     pub weight: f64,
-    /// Stiffness from which it pays and below which it pays no more, s⁻²: means over the movement of the
-    /// geometric mean over all directions.
+    /// Stiffness below which the reward starts, and below which it grows no further, s⁻²: means over the
+    /// movement of the geometric mean over all directions.
     pub stiff: f64,
     pub soft: f64,
 }
@@ -36,7 +36,7 @@ impl Default for ComplianceConfig {
 }
 
 impl ComplianceConfig {
-    /// No pay: what sessions did that were stored before there was one.
+    /// No reward, as in sessions stored before it existed.
     pub fn off() -> ComplianceConfig {
         ComplianceConfig { weight: 0.0, ..ComplianceConfig::default() }
     }
@@ -45,7 +45,7 @@ impl ComplianceConfig {
         self.weight > 0.0
     }
 
-    /// Name and unit of the measure, if it pays.
+    /// Name and unit of the measure, if it is rewarded.
     pub fn declared(&self) -> Option<(String, String)> {
         self.pays().then(|| (MEASURE.into(), "1".into()))
     }

@@ -25,31 +25,31 @@ use search::range::{check, range};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LearnerConfig {
-    /// Rollouts after which the session is done; may be raised when it is resumed.
+    /// Rollouts after which the session is done; may be raised when resuming.
     pub rollouts: u64,
     pub seed: u64,
     /// What θ holds of a policy.
     #[serde(skip_serializing_if = "EncodingKind::is_springs")]
     pub encoding: EncodingKind,
-    /// What several demonstrations are to each other.
+    /// Relation of several demonstrations.
     #[serde(skip_serializing_if = "DemonstrationsAre::is_starts")]
     pub demonstrations_are: DemonstrationsAre,
     /// Learnt coordinates: 3 (position), 4 (and pitch) or 6 (and roll, yaw).
     pub task_dim: usize,
-    /// How orientations are seen: as rotation vectors, or as rotations, which may be full turns.
+    /// Representation of orientations: rotation vectors, or rotations, which may be full turns.
     #[serde(skip_serializing_if = "Orientation::is_vector")]
     pub orientation: Orientation,
-    /// How many components a policy has, or how their number is chosen.
+    /// Number of components of a policy, or how it is chosen.
     pub n_components: Components,
     /// κᴾ of the initial policy, s⁻².
     pub kappa_p: f64,
-    /// Where the stiffness of the initial policy is from.
+    /// Source of the initial policy's stiffness.
     #[serde(skip_serializing_if = "InitialStiffness::is_kappa_p")]
     pub initial_stiffness: InitialStiffness,
     /// Stiffness from variability lies within κᴾ divided and multiplied by this.
     #[serde(skip_serializing_if = "is_usual_range")]
     pub stiffness_range: f64,
-    /// ζ of dampers that follow the stiffness, 2ζ Kᵢ^½; 0 for κᵛ = 2√κᴾ whatever the stiffness.
+    /// ζ of dampers that follow the stiffness, 2ζ Kᵢ^½; 0 for κᵛ = 2√κᴾ at any stiffness.
     pub damping_ratio: f64,
     pub activation: Activation,
     /// α of the decay activation, s⁻¹.
@@ -67,14 +67,14 @@ pub struct LearnerConfig {
     #[serde(default = "ComplianceConfig::off")]
     pub compliance: ComplianceConfig,
     pub people: PeopleConfig,
-    /// Which mode the session's answer is.
+    /// Which mode provides the selected policy.
     pub prefer: Prefer,
-    /// What a success must be like beside succeeding, over the measures; may be changed when it is resumed.
+    /// Additional condition on a success, over the measures; may be changed when resuming.
     #[serde(rename = "where", skip_serializing_if = "String::is_empty")]
     pub wish: String,
 }
 
-/// It is what it was before there was a choice.
+/// Whether it is the value from before there was a choice.
 fn is_usual_range(range: &f64) -> bool {
     *range == InitialPolicyConfig::default().stiffness_range
 }
@@ -113,7 +113,7 @@ impl Default for LearnerConfig {
 }
 
 impl LearnerConfig {
-    /// Every field within its range.
+    /// Checks that every field is within its range.
     pub fn validate(&self) -> Result<(), ConfigError> {
         if !matches!(self.task_dim, 3 | 4 | 6) {
             return Err(ConfigError::Range {
@@ -148,7 +148,7 @@ impl LearnerConfig {
         self.search.validate()
     }
 
-    /// The same settings for another encoding: what it does not have is off.
+    /// The same settings for another encoding: features it lacks are off.
     pub fn encoded(self, encoding: EncodingKind) -> LearnerConfig {
         let mut config = LearnerConfig { encoding, ..self };
         if !encoding.is_springs() {
@@ -163,7 +163,7 @@ impl LearnerConfig {
         config
     }
 
-    /// That nothing is asked of the encoding which it does not have.
+    /// Checks that no setting needs a feature the encoding lacks.
     fn check_encoding(&self) -> Result<(), ConfigError> {
         let (encoding, stiffness) = (self.encoding, self.exploration.stiffness);
         let from_variability = !self.initial_stiffness.is_kappa_p();
@@ -233,7 +233,7 @@ impl LearnerConfig {
         }
     }
 
-    /// That stiffness from variability has repetitions to come from, and bounds that θ and the controller hold.
+    /// Checks that stiffness from variability has repetitions, and bounds that θ and the controller allow.
     fn check_variability(&self) -> Result<(), ConfigError> {
         if self.initial_stiffness.is_kappa_p() {
             return Ok(());
@@ -261,7 +261,7 @@ impl LearnerConfig {
         Ok(())
     }
 
-    /// That the search can be told its trials anew where something asks for that.
+    /// Checks that the search can relearn its trials if a setting needs this.
     fn check_is_told_anew(&self) -> Result<(), ConfigError> {
         let weight = self.people.weight;
         let asks = [
@@ -313,9 +313,9 @@ impl LearnerConfig {
         }
     }
 
-    /// That a session started with `stored` may go on with `self`: everything is equal except the
-    /// number of rollouts, the preferred mode, and when the learner waits for people and asks them, which no
-    /// proposal depends on, and the wish, which is stored with the trial from which on it holds.
+    /// Checks that a session started with `stored` may continue with `self`: everything is equal except the
+    /// number of rollouts, the preferred mode, and when the learner waits for or asks people, on which no
+    /// proposal depends, and the condition, which is stored with the trial from which it applies.
     pub fn check_resumes(&self, stored: &LearnerConfig) -> Result<(), ConfigError> {
         let LearnerConfig { rollouts, prefer, wish, .. } = stored.clone();
         let PeopleConfig { wait, ask_after, .. } = stored.people;

@@ -60,9 +60,9 @@ pub enum CompleteError {
     ForeignSession { found: u64, expected: u64 },
     #[error("episode of rollout {rollout}, which is stored already; ignored")]
     Duplicate { rollout: u64 },
-    #[error("episode of rollout {rollout}, which was not asked for; ignored")]
+    #[error("episode of rollout {rollout}, which was not requested; ignored")]
     NotAsked { rollout: u64 },
-    #[error("episode of rollout {rollout} executed another policy than the one asked for; ignored")]
+    #[error("episode of rollout {rollout} executed another policy than requested; ignored")]
     OtherPolicy { rollout: u64 },
     #[error("the controller did not execute rollout {rollout}: {reason}")]
     NotExecuted { rollout: u64, reason: &'static str },
@@ -70,7 +70,7 @@ pub enum CompleteError {
     Refused { rollout: u64, reason: String },
     #[error("another policy was swapped into rollout {rollout}")]
     Swapped { rollout: u64 },
-    #[error("rollout {rollout} was cut short by a fault of the machine")]
+    #[error("rollout {rollout} was cut short by a hardware fault")]
     MachineFault { rollout: u64 },
     /// Hand the same episode in again: its judge takes its time.
     #[error("rollout {rollout} is being judged")]
@@ -116,7 +116,7 @@ impl From<TellError> for CompleteError {
 pub(crate) fn not_executed(fault: u64) -> Option<&'static str> {
     match fault {
         FAULT_APPROACH_TIMEOUT => Some(
-            "the arm did not reach the start posture in time; if it carries more than its model knows \
+            "the arm did not reach the start posture in time; if it carries more than its model includes \
              of, raise controller.posture_stiffness and controller.posture_damping",
         ),
         FAULT_OVERRUN => Some("its host could not hold the period; see `skillet doctor`"),

@@ -35,7 +35,7 @@ const NO_CHANGE: f64 = 1e-6;
 pub enum ExplorationKind {
     /// Alterations of the demonstration, one number each.
     Demonstration,
-    /// Every parameter by itself, as in the paper.
+    /// Every parameter separately, as in the paper.
     White,
 }
 
@@ -57,19 +57,19 @@ impl From<FitError> for ExplorationError {
     }
 }
 
-/// Which stiffnesses are explored, each by a factor of its own.
+/// Which stiffnesses are explored, each with its own factor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum StiffnessKind {
-    /// None: they stay what the initial policy has.
+    /// None: they stay those of the initial policy.
     Fixed,
     /// One factor for position and one for rotation over the whole movement, from the start.
     #[default]
     Uniform,
-    /// Of position and rotation, before the peak of the demonstration and after it, once trials
+    /// One factor each for position and rotation, before and after the demonstration's peak, once trials
     /// succeed.
     Phases,
-    /// Of position and rotation of every component, once trials succeed.
+    /// One factor each for position and rotation of every component, once trials succeed.
     Components,
     /// As `phases`, and the coupling of each two coordinates that move: full matrices.
     Full,
@@ -86,11 +86,11 @@ pub struct ExplorationConfig {
     pub rotation_amplitude: f64,
     /// Offset along x, y and z at the peak, m: three directions.
     pub peak_offset_m: [f64; 3],
-    /// How much sooner the peak comes, s.
+    /// Advance of the peak, s.
     pub tempo_s: f64,
-    /// How much later the rotation comes than the position, s.
+    /// Lag of the rotation behind the position, s.
     pub rotation_lag_s: f64,
-    /// The position's amplitude is tried forwards first, as a slow demonstration wants it.
+    /// The position's amplitude is first increased, as a slow demonstration needs.
     #[serde(default)]
     pub grows: bool,
     #[serde(default)]
@@ -163,7 +163,7 @@ pub(crate) type Column = (DVector<f64>, Direction);
 /// `demonstrations`, at least one; what alters one of them alters all.
 ///
 /// # Errors
-/// Where phases are asked for and the demonstration has none.
+/// If phases are needed and the demonstration has none.
 pub(crate) fn directions(
     initial: &PolicyMsg,
     encoding: &Encoding,
@@ -190,7 +190,7 @@ pub(crate) fn directions(
     Ok(columns)
 }
 
-/// Of the alterations the one that makes the position's excursion larger.
+/// Index of the alteration that enlarges the position's excursion.
 const POSITION_AMPLITUDE: usize = 0;
 
 /// The demonstration, altered in each way by one unit of noise.

@@ -1,10 +1,10 @@
-//! As what a session's trials are seen: under its wishes and its ratings, each of which holds from a rollout on.
+//! Trials of a session under its conditions and ratings, each of which applies from a rollout on.
 
 use crate::ratings::Ratings;
 use crate::store::TrialRecord;
 use crate::wish::{Telling, Wishes};
 
-/// Wishes and ratings of a session.
+/// Conditions and ratings of a session.
 #[derive(Clone, Debug, Default)]
 pub struct History {
     pub wishes: Wishes,

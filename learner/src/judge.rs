@@ -54,7 +54,7 @@ pub trait Assessor: Send {
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum AssessError {
     /// It is still at work.
-    #[error("the judge is still at work")]
+    #[error("the judge is still running")]
     NotYet,
     /// It cannot judge this rollout, and says why. The next one it may.
     #[error("{0}")]
@@ -159,7 +159,7 @@ impl Judge {
         self.assessor.as_ref().and_then(|assessor| assessor.identity())
     }
 
-    /// Of a world that measures all there is.
+    /// The judge of a world that takes all measures itself.
     pub fn of_plant(measures: &[(&str, &str)], verdict: impl Verdict + 'static) -> Judge {
         let declared = measures.iter().map(|(name, unit)| (name.to_string(), unit.to_string()));
         Judge::new(Box::new(PlantMeasures(declared.collect())), Box::new(verdict))

@@ -154,7 +154,7 @@ impl Learner {
         Ok(learner)
     }
 
-    /// Of the session in `directory`, whose trials were told.
+    /// The learner of the session in `directory`, whose trials have been replayed.
     fn of(
         directory: &Path,
         config: LearnerConfig,
@@ -189,7 +189,7 @@ impl Learner {
         self.history.wishes = self.store.wishes()?;
         self.in_flight.clear();
         let said = if text.is_empty() { "nothing".into() } else { format!("`{text}`") };
-        let said = format!("from rollout {next} on a success must be so: {said}");
+        let said = format!("from rollout {next} on a success must meet: {said}");
         tracing::info!("{said}");
         Ok(self.store.record_event("wish", &said)?)
     }

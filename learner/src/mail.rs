@@ -1,9 +1,9 @@
-//! The mailbox of a session: what people say to a learner that may be at work, at rest, or just dying.
+//! The mailbox of a session: input from people to a learner that may be running, stopped or dying.
 //!
-//! A letter is a file of its own in the folder `mail`, written aside, synchronised and renamed: it is there as
-//! a whole or not at all. The learner reads letters in the order of their names, which begin with the time;
-//! it makes durable what they say together with their ids, and only then removes them. A letter that is found
-//! again after a kill is known by its id: nothing is lost, nothing counts twice.
+//! A letter is a separate file in the folder `mail`, written aside, synchronised and renamed, so it is complete or
+//! absent. The learner reads letters in the order of their names, which begin with the time. It stores their
+//! effects together with their ids, and only then removes them. A letter found again after a kill is recognised
+//! by its id: nothing is lost, nothing counts twice.
 
 use std::fs::{self, File};
 use std::hash::{BuildHasher, Hasher, RandomState};
@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 
 /// Within the session folder.
 const FOLDER: &str = "mail";
-/// What letters end with, and what those that were refused do.
+/// File endings of letters, and of refused letters.
 const LETTER: &str = ".json";
 const REFUSED: &str = "refused";
 
@@ -23,12 +23,12 @@ const REFUSED: &str = "refused";
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Letter {
-    /// Tells it from all others.
+    /// Its unique id.
     pub id: u64,
     pub says: Says,
 }
 
-/// What a letter says.
+/// The content of a letter.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Says {
@@ -36,7 +36,7 @@ pub enum Says {
     Rating { rollout: u64, rating: Option<f64> },
     /// A rollout, compared with another one.
     Comparison { rollout: u64, than: u64, is_better: bool },
-    /// One more demonstration: the text of its file, and what that is called.
+    /// A further demonstration: the text and the name of its file.
     Demonstration { file: String, text: String },
 }
 
@@ -56,7 +56,7 @@ pub struct Mail {
 }
 
 impl Mail {
-    /// Of the session in the folder `session`.
+    /// The mailbox of the session in the folder `session`.
     pub fn of(session: &Path) -> Mail {
         Mail { dir: session.join(FOLDER), trouble: None }
     }

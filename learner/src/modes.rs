@@ -1,5 +1,5 @@
-//! What a search has found, for those who must choose: every mode with its best reward, its
-//! tolerance to errors (Sec. 4) and whether it may be used.
+//! Modes found by a search: each with its best reward, its tolerance to errors (Sec. 4) and whether
+//! it may be used.
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use serde::{Deserialize, Serialize};
@@ -18,7 +18,7 @@ pub enum Prefer {
     Tolerant,
 }
 
-/// A mode as people judge it.
+/// A mode as it is reported.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ModeReport {
     /// From 1, by falling prior.

@@ -1,7 +1,7 @@
 //! Judges that are people: ratings of rollouts, from 0 to 10, weighed with the robot's own reward.
 //!
 //! r = (1 − w)·own + w·`full_marks`·rating/10. A rollout without a rating counts by the robot's own reward;
-//! where ratings alone count (w = 1) the search is not told of it until somebody rates it.
+//! where only ratings count (w = 1) the search does not learn from it until it is rated.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,23 +10,23 @@ use search::range::{Range, range};
 /// The best rating; the worst is 0.
 pub const BEST: f64 = 10.0;
 
-/// `[learner.people]`: what ratings count for, and when the learner turns to people.
+/// `[learner.people]`: the weight of ratings, and when the learner asks people.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PeopleConfig {
-    /// w, the share of ratings in a reward: 0 takes none, 1 takes ratings alone.
+    /// w, the share of ratings in a reward: 0 uses none, 1 uses only ratings.
     pub weight: f64,
     /// Learning waits for the rating of each rollout.
     pub wait: bool,
-    /// What the best rating is worth, on the scale of the task's reward.
+    /// Reward of the best rating, on the scale of the task's reward.
     pub full_marks: f64,
-    /// Where ratings alone count, a rollout rated so or better is a success.
+    /// With w = 1, a rollout with this rating or better is a success.
     pub success_from: f64,
     /// σ of ratings, the standard deviation of their errors in units of that of ratings without errors: `power` ranks
     /// its elites by their neighbours' ratings as well. 0 takes every rating as exact.
     #[serde(default = "exact")]
     pub noise: f64,
-    /// A search without a success asks for a demonstration after so many rollouts that were no better; 0: never.
+    /// A search without a success asks for a demonstration after this many rollouts without improvement; 0: never.
     pub ask_after: u64,
 }
 
@@ -74,7 +74,7 @@ impl PeopleConfig {
         self.weight * self.noise
     }
 
-    /// Success and reward of a rollout that somebody rated; `own` is what the robot's judge said.
+    /// Success and reward of a rated rollout; `own` is the verdict of the robot's judge.
     pub fn weigh(&self, own: (bool, f64), rating: f64) -> (bool, f64) {
         let worth = self.full_marks * rating / BEST;
         match self.takes_ratings_alone() {

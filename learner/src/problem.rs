@@ -29,7 +29,7 @@ pub struct Problem {
 /// How θ becomes a policy.
 #[derive(Clone)]
 enum Policies {
-    /// Of an arm that was shown a movement.
+    /// θ encodes the policy of an arm with a demonstration.
     Arm(Arc<Encoding>),
     /// Sec. 4.2: θ is the action.
     Action,
@@ -77,7 +77,7 @@ impl Problem {
         for Added { after, file, text, .. } in added {
             let misfit = |reason: String| LearnerError::Added { file: file.clone(), reason };
             let Policies::Arm(encoding) = &self.policies else {
-                return Err(misfit("this task has no arm that could be shown a movement".into()));
+                return Err(misfit("this task has no arm and takes no demonstration".into()));
             };
             let parsed = Demonstration::parse(file, text);
             let shown = [parsed.map_err(|error| misfit(error.to_string()))?];

@@ -15,7 +15,7 @@ const UNRATED: f64 = 5.0;
 /// A better rollout gets this part of what the other one lacks to the best rating, a worse one loses this part.
 const STEP: f64 = 0.25;
 
-/// What somebody said of a rollout, as it took effect.
+/// A rating of a rollout, as it took effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rating {
     /// Id of the letter that said it.
@@ -80,8 +80,8 @@ impl Ratings {
         Ratings { config: self.config, all }
     }
 
-    /// The rating of a rollout that is better or worse than the one `than`, and what that one is taken for if
-    /// nobody has rated it. Two that were told apart are never rated the same.
+    /// The rating of a rollout that is better or worse than the one `than`, and the rating assumed for that one if
+    /// it has none. Two that were told apart are never rated the same.
     pub fn compared(&self, than: u64, is_better: bool) -> (Option<f64>, f64) {
         let known = self.view(u64::MAX).rating(than);
         let other = known.unwrap_or(UNRATED);

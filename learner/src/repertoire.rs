@@ -1,6 +1,6 @@
-//! The repertoire of a session: whatever its rollouts show that it can do, at hand for those with a wish.
+//! The repertoire of a session: policies for a condition, selected from its rollouts.
 //!
-//! Of all rollouts that succeeded as wished, the answer is the one whose neighbours did so too, moved to
+//! From all rollouts that met the condition, selects the one whose neighbours met it too, moved to
 //! their mean. Neighbours are weighed by k = exp(−|eᵢ − eⱼ|²/2ℓ²), where θ = θ₀ + L e; the chance of a
 //! rollout is Σⱼ kᵢⱼ okⱼ / (1 + Σⱼ kᵢⱼ): one that stands alone counts half.
 
@@ -14,22 +14,22 @@ use crate::wish::Wish;
 /// ℓ, in units of exploration.
 const NEAR: f64 = 0.8;
 
-/// The policy for a wish.
+/// The policy for a condition.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Served {
     pub theta: DVector<f64>,
     /// The rollout it was taken from.
     pub rollout: u64,
-    /// So many rollouts succeeded as wished.
+    /// Number of rollouts that met the condition.
     pub n: usize,
-    /// What the neighbourhood of that rollout says of it, 0 to 1.
+    /// Estimated chance of success from the neighbourhood of that rollout, 0 to 1.
     pub chance: f64,
 }
 
-/// Why there is no policy for a wish.
+/// Why there is no policy for a condition.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum Unserved {
-    #[error("no rollout of this session has succeeded yet, so there is nothing to choose from")]
+    #[error("no rollout of this session has succeeded yet: there is nothing to choose from")]
     NoSuccess,
     #[error(
         "none of the {successes} rollouts that succeeded is as wished (`{wish}`); in them {served}: wish \
@@ -38,7 +38,7 @@ pub enum Unserved {
     Nothing { wish: String, successes: usize, served: String },
 }
 
-/// The policy for `wish` among `trials`, which were searched along the directions of `space`.
+/// Selects the policy for `wish` from `trials`, which were searched along the directions of `space`.
 pub fn serve(space: &Space, trials: &[TrialRecord], wish: &Wish) -> Result<Served, Unserved> {
     let executed: Vec<&TrialRecord> =
         trials.iter().filter(|t| t.was_executed() && !t.unrated).collect();

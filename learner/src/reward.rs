@@ -12,7 +12,7 @@ use search::range::{Range, range};
 pub const RELEASE_SPEED_MAX_M_S: f64 = 6.0;
 pub const RELEASE_SPIN_MAX_RAD_S: f64 = 40.0;
 
-/// What the rewards of an object that is tossed and caught are made of.
+/// Measures used by the rewards of an object that is tossed and caught.
 const PAPER_MEASURES: [&str; 4] = ["apex_m", "crossing_time_s", "flip_angle_rad", "distance_m"];
 const CATCH_MEASURES: [&str; 8] = [
     "apex_m",
@@ -35,12 +35,12 @@ pub enum RewardKind {
     Value,
     /// Sec. 4.2, second experiment: r = exp(−λ d), d the first measure, a distance.
     Distance,
-    /// As the paper's, and more for a catch that is calm.
+    /// The paper's reward, plus terms for a calm catch.
     Catch,
 }
 
 impl RewardKind {
-    /// As the configuration writes it.
+    /// Its name in the configuration.
     pub fn name(self) -> &'static str {
         match self {
             RewardKind::Paper => "paper",
@@ -65,17 +65,17 @@ pub struct RewardConfig {
     pub catch: CatchConfig,
 }
 
-/// Weights of the catch reward, and what counts as much in each of its terms.
+/// Weights of the catch reward, and the scale of each of its terms.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CatchConfig {
-    /// Of the height, per m, and the height from which more earns no more, m.
+    /// Weight of the height, 1/m, and the height above which there is no further reward, m.
     pub height: f64,
     pub height_max_m: f64,
     pub angle: f64,
-    /// Of a pancake over the middle of the pan at the crossing.
+    /// Weight of a pancake over the middle of the pan at the crossing.
     pub aim: f64,
-    /// Of a pancake caught upside down in the middle of the pan, without bouncing, and without a
+    /// Weights of a pancake caught upside down in the middle of the pan, without bouncing, and without a
     /// torque at its limit.
     pub catch: f64,
     pub calm: f64,
@@ -133,7 +133,7 @@ impl RewardConfig {
         ]
     }
 
-    /// Those of the measures it needs that are not among `declared`.
+    /// The measures it needs that are not among `declared`.
     pub fn missing(&self, declared: &Declared) -> Vec<&'static str> {
         let needed: &[&str] = match self.kind {
             RewardKind::Paper => &PAPER_MEASURES,

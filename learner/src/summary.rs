@@ -37,7 +37,7 @@ pub struct Summary {
     pub first_success: Option<u64>,
     /// Share of successes among the last 20 trials, or among all if there are fewer; 0 of none.
     pub success_last20: f64,
-    /// Of these, how many executed the search's mean, and how many of them succeeded. The others are draws
+    /// How many of these executed the search's mean, and how many of them succeeded. The others are draws
     /// around it.
     pub means_last20: u64,
     pub mean_successes_last20: u64,

@@ -1,4 +1,4 @@
-//! What somebody wants of a rollout beside its success, as an expression over its measures: `apex_m > 0.6`.
+//! A condition on a rollout besides its success, as an expression over its measures: `apex_m > 0.6`.
 
 use shm_types::measures::{Measures, TRUTH};
 

@@ -78,7 +78,7 @@ pub trait Plant: Send {
     /// [`begin_reset`](Plant::begin_reset) makes another world. A real arm's time passes by itself, a reset
     /// leaves it where it is, and nothing may be tried out on it.
     fn is_simulated(&self) -> bool;
-    /// Of the session, the rollout that the next reset is for: a world that varies does so by this number.
+    /// Announces the session's rollout that the next reset is for; a world that varies draws from this number.
     fn announce(&mut self, _rollout: u64) {}
     /// Begins to put the world back to its start: a simulator builds a fresh one, in which the arm
     /// rests at its start posture as if held there. Elsewhere it takes its time, in which the arm is

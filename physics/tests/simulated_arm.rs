@@ -155,7 +155,7 @@ fn hard_stops_take_energy_and_give_none() {
     }
 }
 
-/// Of an arm pressed against a stop the others move as if that joint were welded.
+/// If a joint is pressed against its stop, the others move as if it were welded.
 #[test]
 fn a_joint_on_its_stop_is_as_good_as_welded() {
     let model = wam_with_pan();

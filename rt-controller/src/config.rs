@@ -9,9 +9,9 @@ use thiserror::Error;
 pub enum Pace {
     /// The wall clock.
     Realtime,
-    /// The simulation: the next tick starts when the last has ended. Same numbers, sooner.
+    /// The simulation: the next tick starts when the last has ended. Same results, sooner.
     Max,
-    /// The samples of a plant in another process, which is the clock.
+    /// The samples of an external plant, which is the clock.
     Plant,
 }
 
@@ -30,14 +30,14 @@ pub enum Alone {
 pub struct ControllerConfig {
     /// Length of a tick, µs.
     pub period_us: u32,
-    /// The wait for a tick sleeps until this long before its deadline and spins for the rest, µs:
-    /// a sharper wake-up for a part of a core. 0: sleeps all the way.
+    /// Sleep until this long before each deadline and spin for the rest, µs: a more precise wake-up at the
+    /// cost of CPU time. 0: no spinning.
     pub spin_us: u32,
     /// Deadlines missed in a row after which the arm is held.
     pub overruns_max: u32,
     /// SCHED_FIFO priority of the rt thread when paced by the wall clock.
     pub priority: u8,
-    /// Core of the rt thread, which learner and exchange leave alone; the last one when absent.
+    /// Core of the rt thread, which learner and exchange avoid. Default: the last one.
     pub cpu: Option<usize>,
     /// Null-space and Approach posture gains, s⁻² and s⁻¹.
     pub posture_stiffness: f64,
@@ -51,7 +51,7 @@ pub struct ControllerConfig {
     pub joint_margin_rad: f64,
     /// Damping of the fall-back hold, in torque limits per (rad/s).
     pub hold_damping: f64,
-    /// Ticks in a row without a new sample that are let pass.
+    /// Ticks in a row without a new sample that are tolerated.
     pub stale_ticks: u32,
     /// Largest torque on a joint that the motors do not explain, in its torque limits; 5 N·m at
     /// least.
@@ -61,12 +61,12 @@ pub struct ControllerConfig {
     pub workspace_floor_m: f64,
     /// A policy that is swapped in during a rollout takes over within this time, s.
     pub blend_s: f64,
-    /// What to do while nobody asks for anything.
+    /// What to do while no rollout is requested.
     pub alone: Alone,
-    /// A learner that was not heard for so long is not there, s.
+    /// A learner without a heartbeat for this long counts as absent, s.
     pub alone_after_s: f64,
-    /// Share of the ticks in which the dry run of a policy to be served may ask for more torque than
-    /// a joint has. The loop clips it; a learner's proposals, which are experiments, are not dry-run.
+    /// Share of the ticks in which the dry run of a policy to be served may exceed a joint's torque
+    /// limit. The loop clips it; a learner's proposals, which are experiments, are not dry-run.
     pub dry_run_clipped: f64,
     /// The start posture is held at least this long before a policy takes over, s.
     pub approach_s: f64,

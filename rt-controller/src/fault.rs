@@ -54,7 +54,7 @@ impl Fault {
         )
     }
 
-    /// The machine's own fault: it latches, the arm is held until somebody re-arms it.
+    /// A hardware fault: it latches, and the arm is held until it is re-armed.
     pub fn latches(self) -> bool {
         Fault::latching(self as u32) == Some(self)
     }
@@ -86,9 +86,9 @@ impl Fault {
             9 => "too many deadlines in a row were missed",
             10 => "the measurement is stale",
             11 => "measured positions and speeds contradict each other",
-            12 => "the arm does not move as its torques say",
+            12 => "the arm does not move as its torques predict",
             13 => "the pan left the workspace",
-            14 => "somebody asked for the hold",
+            14 => "held by operator",
             _ => "unknown fault code",
         }
     }

@@ -37,18 +37,18 @@ pub(crate) struct Departure {
 pub(crate) enum Ended {
     #[error(transparent)]
     Link(#[from] LinkError),
-    #[error("it sent the sample {found} after {last}: number them upwards")]
+    #[error("it sent sample {found} after {last}: sample numbers must increase")]
     Sequence { found: u64, last: u64 },
-    #[error("its time went from {last} to {found} ns: let it grow with every sample")]
+    #[error("its time went from {last} to {found} ns: it must increase with every sample")]
     Time { found: u64, last: u64 },
-    #[error("it sent a sample of episode {found}, {wanted} was asked for")]
+    #[error("it sent a sample of episode {found} instead of {wanted}")]
     Episode { found: u64, wanted: u64 },
     #[error(
         "after a reset its joint {joint} is at {found:.4} rad and {speed:.4} rad/s: put it to the start \
          posture, {wanted:.4} rad, at rest"
     )]
     Start { joint: usize, found: f64, speed: f64, wanted: f64 },
-    #[error("it answered with another message than a sample")]
+    #[error("it replied with a message that is not a sample")]
     Message,
 }
 

@@ -16,7 +16,7 @@ pub(crate) struct Job<P> {
     pub policy_digest: u64,
     /// Where the null space is drawn to in it, unless it is an experiment or a newer order has come.
     pub posture: PostureOrder,
-    /// Of the session.
+    /// Number of the rollout in the session.
     pub rollout: u64,
     pub episode: EpisodeLoan,
     /// The swap that it fulfils, to be acknowledged when the policy acts.

@@ -153,7 +153,7 @@ impl<'a> Start<'a> {
                         tracing::warn!("real time is degraded: {missing}");
                     }
                     if cfg!(debug_assertions) {
-                        tracing::warn!("this is a development build: its timings mean nothing");
+                        tracing::warn!("this is a development build: its timings are meaningless");
                     }
                     privileged.store(granted.fifo, Ordering::Relaxed);
                     if pace == Pace::Plant {

@@ -29,7 +29,7 @@ pub struct Simulated {
 pub enum SimulateError {
     #[error(transparent)]
     Refused(#[from] AdmissionError),
-    #[error("the plant in its own process is gone; its own words say why")]
+    #[error("the external plant is gone; see its output for the reason")]
     PlantGone,
 }
 
@@ -55,8 +55,8 @@ pub fn simulate<P: Plant>(
     simulate_moved(controlled, config, policy, &PostureMove::NONE, records)
 }
 
-/// The same where somebody has moved the posture that the null space is drawn to, as `skillet posture` does
-/// in served rollouts.
+/// The same with an offset of the posture that the null space is pulled to, as `skillet posture` sets in
+/// served rollouts.
 pub fn simulate_moved<P: Plant>(
     controlled: &mut Controlled<P>,
     config: &ControllerConfig,

@@ -174,7 +174,7 @@ fn a_machine_fault_holds_the_arm_until_it_is_rearmed_and_blames_no_policy() {
             operator.ok(Command::new(COMMAND_PIN, 0));
             operator.until("service", |status| status.rollouts_served > 1);
             let why = operator.refused(COMMAND_REARM);
-            assert!(why.contains("nothing is latched"), "{why}");
+            assert!(why.contains("no fault is latched"), "{why}");
 
             switch.set(wrong);
             let held = operator.until("the latch", |status| status.latched_fault != 0);
@@ -269,7 +269,7 @@ fn a_proposal_waits_for_the_rearm_and_comes_out_the_same() {
             while let Some(beat) = ports.controller_beat.receive().unwrap() {
                 told = beat.latched;
             }
-            assert_eq!(told, cut_short.fault, "the learner hears why it waits");
+            assert_eq!(told, cut_short.fault, "the learner is told why it waits");
             assert!(ports.episodes.receive().unwrap().is_none(), "the proposal waits");
 
             switch.set(Wrong::Nothing);

@@ -30,7 +30,7 @@ use shm_types::policy::{ACTIVATION_STATE, PolicyMsgError};
 const SLACK: f64 = 1e-8;
 /// Ticks of every admitted policy from states that have nothing to do with each other.
 const JUMPS: usize = 4;
-/// Of so many admitted policies, one does a whole rollout on the ideal arm.
+/// One in this many admitted policies executes a whole rollout on the ideal arm.
 const ROLLOUT: u64 = 2000;
 
 fn reason(error: &AdmissionError) -> &'static str {

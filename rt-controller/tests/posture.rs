@@ -311,7 +311,7 @@ fn a_cell_takes_a_posture_says_so_and_forgets_it_with_its_controller() {
         for (command, word) in [
             (order(3, 0.5, 0.3), "rad/s"),
             (order(4, 3.0, 20.0), "its offset within"),
-            (order(1, f64::NAN, 1.0), "no number"),
+            (order(1, f64::NAN, 1.0), "not a finite number"),
         ] {
             let reply = operator.ask(command);
             assert!(reply.accepted == 0 && reply.reason_text().contains(word));

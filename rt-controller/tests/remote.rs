@@ -302,9 +302,9 @@ fn a_plant_that_lies_latches_and_the_next_one_needs_a_rearm() {
     let _turn = turn();
     type Lie = fn(&mut PlantState);
     let lies: [(&str, Lie); 4] = [
-        ("number them upwards", |state| state.seq -= 5),
-        ("let it grow", |state| state.t_ns -= 3_000_000),
-        ("was asked for", |state| state.episode += 7),
+        ("must increase", |state| state.seq -= 5),
+        ("must increase with every sample", |state| state.t_ns -= 3_000_000),
+        ("of episode", |state| state.episode += 7),
         ("another message", |_| {}),
     ];
     let flags = PLANT_SIMULATED | PLANT_CAN_RESET;

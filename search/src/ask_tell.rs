@@ -1,4 +1,4 @@
-//! The counter between a search and those who run its trials: only what was asked is learnt, once.
+//! Checks between a search and its callers: only requested trials are learnt, each once.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -39,7 +39,7 @@ impl AskTell {
     }
 
     /// The θ for rollout `rollout` (from 1), knowing of the rollouts before it that are in flight. One that is in
-    /// flight itself keeps its θ, whatever was told since: whoever lost a proposal asks again.
+    /// flight itself keeps its θ, whatever was told since: a caller that lost a proposal asks again.
     pub fn ask(&mut self, rollout: u64) -> Proposal {
         if let Some(proposal) = self.in_flight.get(&rollout) {
             return proposal.clone();

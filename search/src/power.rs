@@ -259,13 +259,13 @@ pub struct Power {
     /// Trials told since the elites are the successes; `None` before.
     n_succeeding: Option<u64>,
     last_succeeded: bool,
-    /// Of the noise in the phase of successes, at most 1.
+    /// Factor on the noise in the phase of successes, at most 1.
     spread: f64,
-    /// Of the successes, so many are learnt from.
+    /// Number of successes that are learnt from.
     n_chosen: usize,
     /// The first trial and those of the initial batch.
     initial: Vec<Trial>,
-    /// Of the rollouts in flight, the mean that is executed; `None` for a draw.
+    /// The executed mean of each rollout in flight; `None` for a draw.
     noted: BTreeMap<u64, Option<DVector<f64>>>,
     /// The latest rollout told.
     newest: u64,

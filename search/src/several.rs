@@ -102,7 +102,7 @@ impl Search for Several {
         }
     }
 
-    /// Of the search that does best at present.
+    /// The mean of the currently best search.
     fn mean(&self) -> &DVector<f64> {
         let best = (0..self.searches.len())
             .reduce(|a, b| if self.merit(b) > self.merit(a) { b } else { a })
@@ -192,7 +192,7 @@ mod tests {
         assert_eq!(places(&[0, 1, 3, 5]), twice);
     }
 
-    /// What was told before somebody joined is told again to the same search, and proposes the same.
+    /// Trials told before a cell joined are told again to the same search and lead to the same proposals.
     #[test]
     fn a_start_that_joins_changes_nothing_for_the_others() {
         let spaces = |joined: &[(u64, f64)]| {

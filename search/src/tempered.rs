@@ -251,7 +251,7 @@ fn sampler(config: &TemperedConfig, mixture: &Mixture, n_told: u64) -> Sampler {
 }
 
 impl Search for Tempered {
-    /// Of some draws, the one that stands for the most mass no trial has looked at yet: q is
+    /// Proposes the draw that represents the most mass not yet covered by trials, so that q is
     /// covered evenly instead of by chance.
     fn ask(&self, rollout: u64, pending: &[Proposal]) -> Proposal {
         let mut rng = stream(self.seed, rollout);

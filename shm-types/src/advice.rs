@@ -26,10 +26,9 @@ pub(crate) fn on_io(error: &io::Error) -> String {
         Some(Errno::NOSPC | Errno::DQUOT) => {
             "free some space there, or set SKILLET_RUNTIME_DIR".into()
         }
-        Some(Errno::ROFS) => "it is read-only: set SKILLET_RUNTIME_DIR to a folder of yours".into(),
+        Some(Errno::ROFS) => "it is read-only: set SKILLET_RUNTIME_DIR to your own folder".into(),
         Some(Errno::ACCESS | Errno::PERM) => {
-            "check its owner and permissions, or set SKILLET_RUNTIME_DIR to a folder of yours"
-                .into()
+            "check its owner and permissions, or set SKILLET_RUNTIME_DIR to your own folder".into()
         }
         _ => "check this path, or set SKILLET_RUNTIME_DIR to another folder".into(),
     }
@@ -41,8 +40,8 @@ pub(crate) fn on_transport(reason: &str) -> String {
         .map(str::to_string)
         .or_else(|| by_need(open_files(), shared_memory()))
         .unwrap_or_else(|| {
-            "try again; if it stays like this, restart the controller of the cell, which makes its \
-             shared memory anew"
+            "try again; if it persists, restart the controller of the cell, which recreates its \
+             shared memory"
                 .into()
         })
 }
@@ -51,17 +50,15 @@ fn by_name(reason: &str) -> Option<&'static str> {
     let says = |words: &[&str]| words.iter().any(|word| reason.contains(word));
     if says(&["ExceedsMax"]) {
         Some(
-            "as many processes as it takes are connected already: end one, such as a `skillet watch` \
+            "the maximum number of processes is connected: end one, such as a `skillet watch` \
              or `skillet record`, and try again",
         )
     } else if says(&["Incompatible", "VersionMismatch", "DoesNotSupport"]) {
-        Some(
-            "controller, learner and tool must be of one build: restart those that are of another one",
-        )
+        Some("controller, learner and tool must be the same build: restart those from another one")
     } else if says(&["Permission"]) {
         Some(
-            "the cell belongs to another user: run this as that user, or set SKILLET_RUNTIME_DIR to a \
-             folder of yours",
+            "the cell belongs to another user: run this as that user, or set SKILLET_RUNTIME_DIR to \
+             your own folder",
         )
     } else {
         None
@@ -130,8 +127,8 @@ mod tests {
         for (reason, words) in [
             ("ExceedsMaxSupportedClients", "end one"),
             ("ExceedsMaxNumberOfNodes", "end one"),
-            ("IncompatibleAttributes", "one build"),
-            ("DoesNotSupportRequestedAmountOfSubscribers", "one build"),
+            ("IncompatibleAttributes", "same build"),
+            ("DoesNotSupportRequestedAmountOfSubscribers", "same build"),
             ("InsufficientPermissions", "another user"),
         ] {
             let advice = on_transport(reason);

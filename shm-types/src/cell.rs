@@ -166,7 +166,7 @@ impl Cell {
         }
     }
 
-    /// Removes everything the cell shares, unless somebody uses it.
+    /// Removes everything the cell shares, unless a process uses it.
     pub fn remove_if_idle(&self) {
         if !self.dir.is_dir() {
             return;

@@ -1,4 +1,4 @@
-//! The doors of a cell: service names, quality of service, and how a door is opened.
+//! The channels of a cell: service names, quality of service, and how they are opened.
 //!
 //! The controller creates every service, in a new generation of the cell; learner and tool join the
 //! newest complete one and retry. The facts behind
@@ -59,7 +59,7 @@ pub enum ChannelError {
     )]
     NoController { cell: String, seconds: f64 },
     #[error(
-        "the controller of cell '{cell}' does not answer ({seconds:.1} s): it is stopped or stuck; continue it (`kill -CONT`) or restart it"
+        "the controller of cell '{cell}' does not respond ({seconds:.1} s): it is stopped or stuck; continue it (`kill -CONT`) or restart it"
     )]
     NoAnswer { cell: String, seconds: f64 },
 }
@@ -109,12 +109,12 @@ pub(crate) struct Member {
 }
 
 impl Member {
-    /// Of a new generation, to be published when its services are there.
+    /// Joins a new generation, to be published once its services exist.
     pub fn first(cell: &Cell) -> Result<Member, ChannelError> {
         Member::of(cell, Generation::create(cell)?)
     }
 
-    /// Of the current one; `None` when there is none, or its controller has died.
+    /// Joins the current generation; `None` if there is none, or its controller has died.
     pub fn join(cell: &Cell) -> Result<Option<Member>, ChannelError> {
         cell.expect_own()?;
         if !cell.has(Role::Controller) {

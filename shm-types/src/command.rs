@@ -17,7 +17,7 @@ pub const COMMAND_STOP: u64 = 2;
 pub const COMMAND_IMPORT: u64 = 3;
 /// Makes the policy `policy_id` the active one, at `at`; the reply comes when it is applied.
 pub const COMMAND_ACTIVATE: u64 = 4;
-/// Serves the active policy in every rollout, whatever a learner asks.
+/// Serves the active policy in every rollout and ignores the learner.
 pub const COMMAND_PIN: u64 = 5;
 pub const COMMAND_UNPIN: u64 = 6;
 /// Activates the policy that was active before, else the last good one, at `at`.
@@ -76,7 +76,7 @@ message! {
         pub tick: u64,
         pub phase: u64,
         pub fault: u64,
-        /// The machine fault that holds the arm until it is re-armed, or 0; for how long; 1 while its
+        /// The hardware fault that holds the arm until it is re-armed, or 0; for how long; 1 while its
         /// cause is there.
         pub latched_fault: u64,
         pub latched_ns: u64,
@@ -125,7 +125,7 @@ message! {
         /// Episodes sent whose durability the learner has not confirmed.
         pub unacknowledged: u64,
         /// Age of the learner's last heartbeat; `u64::MAX` without a learner: none was ever seen, or it
-        /// ended in order.
+        /// ended cleanly.
         pub learner_age_ns: u64,
         /// For how long a learner has been in the cell that was not heard; `u64::MAX` without one.
         pub learner_mute_ns: u64,
@@ -156,8 +156,8 @@ message! {
         pub id: u64,
         /// 1 when the command was understood and carried out.
         pub accepted: u64,
-        /// Of an import: its id. Of a swap: policy, first tick in which no other policy acts, and
-        /// when that tick began on the monotonic clock, ns. Of a posture: the first tick that knows of it.
+        /// For an import, its id. For a swap, the policy, the first tick in which no other policy acts, and
+        /// when that tick began on the monotonic clock, ns. For a posture, the first tick that uses it.
         pub policy: PolicyName,
         pub applied_tick: u64,
         pub applied_ns: u64,

@@ -62,7 +62,7 @@ impl EchoPorts {
                 .notifier_builder()
                 .create()
                 .map_err(failed(out, "creating the notifier"))?,
-            // Before the subscriber: whoever is seen to receive can also be woken.
+            // Before the subscriber, so that a visible receiver can also be woken.
             arrived: events(node, incoming)?
                 .listener_builder()
                 .create()
@@ -76,7 +76,7 @@ impl EchoPorts {
         })
     }
 
-    /// Copies `message` into shared memory and sends it; true when somebody receives it.
+    /// Copies `message` into shared memory and sends it; true if there is a receiver.
     pub fn send(&self, message: &[u8]) -> Result<bool, ChannelError> {
         let loan = self
             .sender

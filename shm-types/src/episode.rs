@@ -29,7 +29,7 @@ pub const FAULT_SWAPPED: u64 = 8;
 /// The host could not hold the period; nothing the policy did.
 pub const FAULT_OVERRUN: u64 = 9;
 
-/// The machine's own faults: they latch, and the rollout is asked for again when it is re-armed.
+/// Hardware faults: they latch, and the rollout is repeated after a re-arm.
 pub const FAULT_MEASUREMENT_NOT_FINITE: u64 = 1;
 pub const FAULT_MEASUREMENT_STALE: u64 = 10;
 pub const FAULT_MEASUREMENT_INCONSISTENT: u64 = 11;
@@ -132,7 +132,7 @@ pub enum EpisodeError {
     Measures(#[from] MeasuresError),
     #[error("record {record} holds a value that is not finite; episode ignored")]
     Record { record: usize },
-    #[error("the reason of a refusal is no text; episode ignored")]
+    #[error("the reason of a refusal is not text; episode ignored")]
     Reason,
 }
 

@@ -1,9 +1,9 @@
-//! Generations of a cell: every controller makes its services anew, and nobody joins half-made ones.
+//! Generations of a cell: every controller recreates its services, and incomplete ones are never joined.
 //!
 //! A process killed while it creates an iceoryx2 service leaves that service unusable for good. So a
 //! controller never meets what an earlier one left: it creates everything in a folder of its own, and
-//! only then names it as the current one. Whoever uses a generation holds a shared lock on its folder,
-//! which the kernel frees when the process ends, however it ends; what nobody holds is swept.
+//! only then names it as the current one. Every user of a generation holds a shared lock on its folder,
+//! which the kernel frees when the process ends, however it ends; unused generations are deleted.
 //!
 //! ```text
 //! <cell>/current                     number of the newest complete generation
@@ -124,8 +124,8 @@ impl Generation {
     }
 }
 
-/// Deletes the shared memory and service files of all generations that nobody uses. Returns how many
-/// stay because somebody does. What cannot be deleted now does no harm, and is tried again.
+/// Deletes the shared memory and service files of all unused generations. Returns how many are still in
+/// use. What cannot be deleted now is harmless and is tried again.
 pub(crate) fn sweep(cell: &Cell) -> usize {
     let in_use = |number: &u16| {
         let Ok(dir) = File::open(root(cell.dir(), *number)) else { return false };

@@ -1,9 +1,9 @@
 //! Clears away shared memory that a killed process left without a size.
 //!
 //! A process that dies between creating a segment and giving it a size leaves an empty file. iceoryx2 0.10
-//! waits for such a file to grow, and of all its waits this one has no end: whoever connects to the dead
+//! waits for such a file to grow, and of all its waits this one has no timeout: a process that connects to the dead
 //! process, or cleans up after it, hangs. It looks for the file again and again, and gives up when it is
-//! gone; so somebody beside it must remove it. About one kill in 10,000 leaves one.
+//! gone; so another thread must remove it. About one kill in 10,000 leaves one.
 
 use std::fs;
 use std::sync::Arc;
@@ -26,7 +26,7 @@ pub(crate) struct Janitor {
 }
 
 impl Janitor {
-    /// Of the segments whose names begin with `prefix`.
+    /// Starts to watch the segments whose names begin with `prefix`.
     pub fn start(prefix: &str) -> Janitor {
         let is_over = Arc::new(AtomicBool::new(false));
         let (prefix, over) = (prefix.to_string(), is_over.clone());

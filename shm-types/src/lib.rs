@@ -1,7 +1,7 @@
-//! The contract between the controller and the learner: plain data and the doors it passes.
+//! The contract between the controller and the learner: plain data and its channels.
 //!
 //! Every message is `#[repr(C)]`, versioned by its type name and by [`SCHEMA`], and validated by
-//! whoever receives it. No mathematics and no policy logic live here.
+//! its receiver. No mathematics and no policy logic live here.
 //!
 //! Without the feature `transport` only the messages are left, for programs that never meet a cell.
 

@@ -1,7 +1,7 @@
 //! Measures: what is known of a rollout, as named numbers with units.
 //!
-//! A message of its own size whatever a task measures: names travel with the numbers, so that whoever
-//! comes late, and whoever reads years later, needs no table of the task's.
+//! A message of fixed size for the measures of any task. Names travel with the numbers, so that late
+//! subscribers and later readers need no table of the task.
 
 #[cfg(feature = "transport")]
 use iceoryx2::prelude::ZeroCopySend;
@@ -54,11 +54,11 @@ pub enum MeasuresError {
     #[error("the measure {name} has the unit '{unit}': use 1 to {UNIT_LEN} bytes without spaces")]
     Unit { name: String, unit: String },
     #[error(
-        "the plant did not tell the measure {0}: let it send its outcome before the last sample of an \
+        "the plant did not send the measure {0}: send the outcome before the last sample of an \
          episode, or take {0} out of plant.measures"
     )]
     Missing(String),
-    #[error("the measure {0} is there twice: give each its own name")]
+    #[error("the measure {0} appears twice: give each its own name")]
     Twice(String),
     #[error("the measure {name} is {value}: it must be finite")]
     Value { name: String, value: f64 },

@@ -1,4 +1,4 @@
-//! An observer's end of a cell: it looks, and nobody notices.
+//! An observer's end of a cell, which does not affect the others.
 
 use std::sync::Arc;
 use std::time::Duration;

@@ -12,7 +12,7 @@ pub mod line;
 pub mod shared;
 pub mod socket;
 
-/// Of the messages below and of their rules.
+/// Version of the messages below and of their rules.
 pub const PLANT_VERSION: u64 = 1;
 
 /// Flags of a [`PlantHello`].
@@ -20,7 +20,7 @@ pub const PLANT_SIMULATED: u64 = 1;
 pub const PLANT_CAN_RESET: u64 = 2;
 pub const PLANT_HAS_OBJECT: u64 = 4;
 pub const PLANT_DETERMINISTIC: u64 = 8;
-/// It polls shared memory for its answers.
+/// It polls shared memory for replies.
 pub const PLANT_POLLS: u64 = 16;
 
 /// Flags of a [`PlantState`].
@@ -58,9 +58,9 @@ message! {
         /// `PLANT_*`.
         pub flags: u64,
         pub period_ns: u64,
-        /// Of the file that it was made from; zeros say nothing.
+        /// SHA-256 of the URDF it was made from; zeros if not given.
         pub urdf_sha256: [u8; 32],
-        /// An empty name says nothing.
+        /// An empty name is not compared.
         pub joint_names: [[u8; PLANT_NAME_LEN]; MAX_JOINTS],
         /// Largest torques, N·m; 0 says nothing.
         pub tau_max: [f64; MAX_JOINTS],

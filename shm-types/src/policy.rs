@@ -184,7 +184,7 @@ impl PolicyMsg {
         }
     }
 
-    /// Of springs or an action.
+    /// Digest of springs or an action.
     fn digest_springs(&self) -> Digest {
         let mut digest = Digest::new()
             .u64(u64::from(self.task_dim))
@@ -217,7 +217,7 @@ impl PolicyMsg {
         digest
     }
 
-    /// Of systems: everything that is in use, and nothing else.
+    /// Digest of systems: everything in use, and nothing else.
     fn digest_systems(&self) -> Digest {
         let d = self.learnt();
         let mut digest = Digest::new()

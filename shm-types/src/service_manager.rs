@@ -1,8 +1,7 @@
-//! What a service tells its manager (systemd and the like), as sd_notify(3) does, without ever waiting
-//! for it.
+//! Messages from a service to its manager (such as systemd), as in sd_notify(3), which never block.
 //!
-//! A manager that does not read fills its socket. What it must know in the end (`READY`, `STATUS`, …) is
-//! then owed, and goes with the next message that gets through; a sign of life is worth nothing later.
+//! A manager that does not read fills its socket. Essential messages (`READY`, `STATUS`, …) are then kept
+//! and sent with the next message that gets through; a sign of life is not worth resending.
 
 use std::ffi::OsStr;
 use std::os::linux::net::SocketAddrExt;
@@ -11,18 +10,18 @@ use std::os::unix::net::{SocketAddr, UnixDatagram};
 use std::sync::{LazyLock, Mutex, PoisonError};
 use std::time::Duration;
 
-/// One thing to tell.
+/// One message.
 #[derive(Clone, Copy, Debug)]
 pub enum Notice<'a> {
     /// The service is up.
     Ready,
-    /// What it does now, for people.
+    /// Its current activity, as text.
     Status(&'a str),
     /// A sign of life.
     Watchdog,
     /// Wait longer for its start.
     ExtendTimeout(Duration),
-    /// It has begun to end.
+    /// It is ending.
     Stopping,
 }
 
@@ -33,7 +32,7 @@ struct Manager {
     owed: Vec<(&'static str, String)>,
 }
 
-/// Tells the manager of this process, where there is one. Returns at once.
+/// Sends a message to the manager of this process, if there is one. Returns at once.
 pub fn notify(notices: &[Notice]) {
     static MANAGER: LazyLock<Mutex<Manager>> =
         LazyLock::new(|| Mutex::new(Manager::at(std::env::var_os("NOTIFY_SOCKET").as_deref())));

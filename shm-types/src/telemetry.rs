@@ -1,4 +1,4 @@
-//! What observers see of a running controller: lossy by design.
+//! Telemetry of a running controller for observers: lossy by design.
 
 use crate::SCHEMA;
 use crate::episode::TickRecord;
@@ -8,9 +8,8 @@ use iceoryx2::prelude::ZeroCopySend;
 /// Ticks in one telemetry sample.
 pub const TELEMETRY_TICKS: usize = 20;
 
-/// Values of [`Heartbeat::waits`]: for nothing that its controller does not know of, for a disk that
-/// refuses what was learnt, for a judge that takes its time, or for a person who is to rate a rollout. One
-/// that asks for a demonstration goes on meanwhile.
+/// Values of [`Heartbeat::waits`]: the learner waits for nothing, for a full disk, for a judge, or for a
+/// person's rating. A learner that asks for a demonstration continues meanwhile.
 pub const WAITS_NOT: u64 = 0;
 pub const WAITS_DISK: u64 = 1;
 pub const WAITS_JUDGE: u64 = 2;
@@ -44,18 +43,18 @@ message! {
 }
 
 message! {
-    /// "I am alive": a counter; its age tells.
+    /// A heartbeat: a counter, whose age shows whether the sender is alive.
     pub struct Heartbeat as "skillet/Heartbeat/5" {
         pub schema: u64,
         pub boot_id: u64,
         pub counter: u64,
-        /// Of a controller: 1 while it serves a pinned policy and learners must wait.
+        /// Controller: 1 while it serves a pinned policy and learners must wait.
         pub pinned: u64,
-        /// Of a controller: the machine fault that holds the arm until it is re-armed, or 0.
+        /// Controller: the hardware fault that holds the arm until it is re-armed, or 0.
         pub latched: u64,
-        /// Of a learner: 1 in its last one, when it ends in order.
+        /// Learner: 1 in its last heartbeat, when it ends cleanly.
         pub leaving: u64,
-        /// Of a learner: `WAITS_*`.
+        /// Learner: `WAITS_*`.
         pub waits: u64,
     }
 }

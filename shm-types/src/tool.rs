@@ -78,7 +78,7 @@ impl ToolPorts {
         None
     }
 
-    /// Why nobody answered for so long: the controller has died or stands still, or it is this process
+    /// Why there was no reply for so long: the controller has died or stands still, or it is this process
     /// that cannot reach it.
     pub fn silence(&self, waited: Duration) -> ChannelError {
         let (cell, seconds) = (self.cell.name().to_string(), waited.as_secs_f64());

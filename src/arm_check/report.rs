@@ -58,7 +58,7 @@ pub fn text(checked: &Checked, args: &CheckArgs) -> Result<String> {
     let p = posture.X_WP.translation.vector;
     writeln!(out, "\nstart    pan level at ({:.3}, {:.3}, {:.3}) m", p.x, p.y, p.z)?;
     match &checked.misfit {
-        None => writeln!(out, "demo     the built-in one can be followed from there")?,
+        None => writeln!(out, "demo     the built-in one is feasible from there")?,
         Some(misfit) => writeln!(out, "demo     not the built-in one: {misfit}")?,
     }
     checked.arm.notes.iter().try_for_each(|note| writeln!(out, "warning: {note}"))?;
@@ -79,7 +79,7 @@ pub fn text(checked: &Checked, args: &CheckArgs) -> Result<String> {
     // The configuration names it, relative to itself.
     let demonstration = config.with_file_name(DEMONSTRATION);
     let (config, demonstration) = (config.display(), demonstration.display());
-    writeln!(out, "\nNext, with demos/pancake.csv or a recording of your own:\n")?;
+    writeln!(out, "\nNext, with demos/pancake.csv or your own recording:\n")?;
     writeln!(
         out,
         "  skillet demo import demos/pancake.csv --at-start --config {config} --out {demonstration}"

@@ -1,4 +1,4 @@
-//! `skillet bench swap`: swaps as fast as they go, each checked.
+//! `skillet bench swap`: swaps as fast as possible, each one checked.
 
 use std::time::Duration;
 

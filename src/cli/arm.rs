@@ -11,8 +11,8 @@ use super::CellArgs;
 #[command(after_help = "\
 Example: skillet hold --cell kitchen
 
-Damped gravity hold from the next tick on, over a restart of the controller as well, until
-`skillet rearm`. It is no emergency stop: that is hardware.")]
+Holds the arm with gravity compensation and damping from the next tick until `skillet rearm`, even
+after a controller restart. This is not an emergency stop; use the hardware for that.")]
 pub struct HoldArgs {
     #[command(flatten)]
     pub cell: CellArgs,
@@ -25,8 +25,8 @@ pub struct HoldArgs {
 #[command(after_help = "\
 Example: skillet rearm --cell kitchen
 
-After a fault of the machine the arm is held, also over a restart of the controller. `skillet status`
-names the fault; the ticks before it lie in the cell's state folder, below faults.")]
+After a hardware fault the arm is held, even after a controller restart. `skillet status` names the
+fault; the ticks before it are in `faults` in the cell's state folder.")]
 pub struct RearmArgs {
     #[command(flatten)]
     pub cell: CellArgs,
@@ -43,29 +43,29 @@ Examples:
   skillet posture --offset -0.4,0,0.5,0,0.3,0,0 --cell kitchen
   skillet posture --reset --cell kitchen
 
-An arm of 7 joints can move its elbow while its tip follows the skill. The elbow is drawn towards the start
+An arm of 7 joints can move its elbow while its tip follows the skill. The elbow is pulled towards the start
 posture plus this offset; only the part of the offset that leaves the tip alone takes effect. A joint near
-the base moves the elbow far, a joint of the wrist hardly at all. Every rollout begins at the start posture
+the base moves the elbow far, a wrist joint hardly at all. Every rollout begins at the start posture
 and moves from there within --in.
 
 The offset acts while a policy is served (`skillet policy activate`, `pin`). A learner's rollouts keep the start
-posture, so that a session stays repeatable. The controller tries the policy with the new posture on an ideal
-arm first, and refuses a posture that would disturb it. The offset does not outlive the controller.")]
+posture, so that a session stays repeatable. The controller first tries the policy with the new posture on an
+ideal arm, and refuses a posture that would disturb it. The offset does not outlive the controller.")]
 pub struct PostureArgs {
     /// Joint to move, counted from 1 at the base; the others go to the start posture
     #[arg(long, value_name = "N", requires = "by")]
     #[arg(value_parser = clap::value_parser!(u8).range(1..=MAX_JOINTS as i64))]
     pub joint: Option<u8>,
-    /// How far from the start posture, rad
+    /// Offset from the start posture, rad
     #[arg(long, value_name = "RAD", requires = "joint", allow_negative_numbers = true)]
     pub by: Option<f64>,
-    /// How far every joint, from the base, rad; joints that are left out go to the start posture
+    /// Offsets of all joints from the base, rad; omitted joints go to the start posture
     #[arg(long, value_name = "RAD,RAD,...", value_parser = offsets, allow_hyphen_values = true)]
     pub offset: Option<[f64; MAX_JOINTS]>,
-    /// Back to the start posture
+    /// Return to the start posture
     #[arg(long)]
     pub reset: bool,
-    /// How long the move takes, s; as long as it needs, and at least 1 s, when absent
+    /// Duration of the move, s [default: as long as needed, at least 1 s]
     #[arg(long = "in", value_name = "S", value_parser = duration, allow_negative_numbers = true)]
     pub within: Option<f64>,
     #[command(flatten)]
@@ -83,7 +83,7 @@ pub struct ArmArgs {
 
 #[derive(Subcommand)]
 pub enum ArmVerb {
-    /// Read a URDF, find a start posture, print the configuration to use
+    /// Read a URDF, find a start posture and print the configuration
     Check(CheckArgs),
 }
 
@@ -93,9 +93,9 @@ Examples:
   skillet arm check my_arm.urdf
   skillet arm check my_arm.urdf --tip tool0 --pan-kg 0.3 --out arm.toml
 
-Without --tip it takes the link \"pan\" or the end of the longest chain of revolute joints. A tip that
-is no pan gets one (`pan` in the configuration); --no-pan leaves it as it is. All faults are listed at
-once, each with its line.
+Without --tip it takes the link \"pan\" or the end of the longest chain of revolute joints. If the
+tip is not a pan, one is added (`pan` in the configuration) unless --no-pan is given. All faults are listed
+at once, each with its line.
 
 Exit code 0: usable as printed; 1: not usable, with the reasons; 2: the file cannot be read.")]
 pub struct CheckArgs {
@@ -110,16 +110,16 @@ pub struct CheckArgs {
     /// Hold this joint, in rad or m; may be repeated
     #[arg(long, value_name = "JOINT=POSITION", value_parser = held)]
     pub hold: Vec<(String, f64)>,
-    /// Mass of the pan that is added to the tip, kg; as the motors allow, up to 0.5, when absent
+    /// Mass of the pan added to the tip, kg [default: what the motors allow, up to 0.5]
     #[arg(long, value_name = "KG", conflicts_with = "no_pan", value_parser = mass)]
     pub pan_kg: Option<f64>,
-    /// The tip is a pan already: add none
+    /// Add no pan: the tip already is one
     #[arg(long)]
     pub no_pan: bool,
     /// Seed of the search for the start posture
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Write the configuration to this file; never overwrites one
+    /// Write the configuration to this file; never overwrites a file
     #[arg(long)]
     pub out: Option<PathBuf>,
     /// Print JSON
@@ -127,10 +127,10 @@ pub struct CheckArgs {
     pub json: bool,
 }
 
-/// Numbers with commas between them, one a joint; zeros for the rest.
+/// Parses comma-separated numbers, one per joint; zeros for the rest.
 fn offsets(text: &str) -> Result<[f64; MAX_JOINTS], String> {
     let numbers: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse()).collect();
-    let numbers = numbers.map_err(|_| "write one number a joint, as 0,0,0.5")?;
+    let numbers = numbers.map_err(|_| "write one number per joint, as in 0,0,0.5")?;
     let mut offsets = [0.0; MAX_JOINTS];
     let Some(used) = offsets.get_mut(..numbers.len()) else {
         return Err(format!("{} numbers: an arm has at most {MAX_JOINTS} joints", numbers.len()));

@@ -17,22 +17,22 @@ pub struct BenchArgs {
 
 #[derive(Subcommand)]
 pub enum BenchVerb {
-    /// What a tick and its parts cost, by components and dimensions of the policy
+    /// Measure a tick and its parts, by components and dimensions of the policy
     #[command(after_help = "Example: skillet bench tick --seconds 60 --json")]
     Tick(BenchOptions),
-    /// What a step of the simulation costs, and rollouts a second on one core and on all
+    /// Measure a simulation step, and rollouts per second on one core and on all
     #[command(after_help = "Example: skillet bench sim --rounds 20")]
     Sim(BenchOptions),
-    /// Round trips between two processes: shared memory, socket, pipe
+    /// Measure round trips between two processes: shared memory, socket, pipe
     #[command(after_help = "Example: skillet bench transport --out benches/results")]
     Transport(BenchOptions),
-    /// The loop in real time under swaps, learner load, observers and kills, beside a bare loop
+    /// Measure the real-time loop under swaps, learner load, observers and kills, against an empty loop
     #[command(after_help = "Example: skillet bench latency --seconds 120 --out benches/results")]
     Latency(BenchOptions),
-    /// Episodes a second that one learner makes durable, from 1 to 32 cells
+    /// Measure how many episodes per second one learner makes durable, with 1 to 32 cells
     #[command(after_help = "Example: skillet bench learner --seconds 60 --json")]
     Learner(BenchOptions),
-    /// Swaps as fast as they go, each one checked
+    /// Swap as fast as possible, and check each swap
     #[command(after_help = "Example: skillet bench swap --swaps 1000000")]
     Swap(SwapArgs),
     /// The other end of a round trip
@@ -40,13 +40,13 @@ pub enum BenchVerb {
     Echo(EchoArgs),
 }
 
-/// What every bench understands.
+/// Options of every bench.
 #[derive(Args)]
 pub struct BenchOptions {
-    /// How long to measure, all in all; each bench has its own default
+    /// Total measurement time, s; each bench has its own default
     #[arg(long, value_name = "S", value_parser = seconds)]
     pub seconds: Option<f64>,
-    /// How often everything is measured in turn, so that drift of the host hits all alike
+    /// Rounds through all measurements, so that host drift affects all of them equally
     #[arg(long, value_name = "N", default_value = "10")]
     pub rounds: NonZero<u32>,
     /// Folder to write <bench>.json and <bench>.html to
@@ -59,7 +59,7 @@ pub struct BenchOptions {
 
 #[derive(Args)]
 pub struct SwapArgs {
-    /// So many swaps instead of --seconds
+    /// Number of swaps, instead of --seconds
     #[arg(long, value_name = "N", conflicts_with = "seconds")]
     pub swaps: Option<u64>,
     #[command(flatten)]
@@ -85,7 +85,7 @@ pub enum Link {
 pub struct EchoArgs {
     #[arg(long, value_enum)]
     pub link: Link,
-    /// Ask again and again instead of sleeping
+    /// Poll instead of sleeping
     #[arg(long)]
     pub spin: bool,
     #[arg(long)]

@@ -1,4 +1,4 @@
-//! `skillet child`: its flags. For this tool itself, which starts a judge's program by it.
+//! `skillet child`: its flags. Used by this tool itself to start a judge's program.
 
 use std::ffi::OsString;
 
@@ -6,7 +6,7 @@ use clap::Args;
 
 #[derive(Args)]
 pub struct ChildArgs {
-    /// The process with which the program is to end
+    /// Process with which the program ends
     #[arg(long, value_name = "PID")]
     pub parent: u32,
     /// Program and arguments

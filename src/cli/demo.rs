@@ -14,9 +14,9 @@ pub struct DemoArgs {
 
 #[derive(Subcommand)]
 pub enum DemoVerb {
-    /// Make a demonstration from a recording of joint angles or poses, or from a primitive of dmpbbo
+    /// Convert a recording of joint angles or poses, or a dmpbbo primitive, to a demonstration
     Import(ImportArgs),
-    /// Give a session one more demonstration to start from
+    /// Add a demonstration to a session
     Add(AddArgs),
 }
 
@@ -25,9 +25,9 @@ pub enum DemoVerb {
 Example:
   skillet demo add sessions/pancake-1 my_demo.csv
 
-The demonstration must fit the session: same arm, same length, as `skillet demo import` writes it. From the
-next rollout on the search takes turns between its starts, this one first. A running learner takes it
-between two rollouts, otherwise it counts when the session is resumed.")]
+The demonstration must match the session's arm and length, in the format that `skillet demo import` writes.
+From the next rollout on, the search alternates between its starts, this one first. A running learner picks
+it up between two rollouts; otherwise it takes effect when the session is resumed.")]
 pub struct AddArgs {
     /// Session folder
     pub session: PathBuf,
@@ -47,51 +47,51 @@ Examples:
   skillet demo import log.txt --columns t_ms=stamp,q1=joint_a,q2_deg=joint_b --out my_demo.csv
   skillet demo import primitive.json --out my_demo.csv
 
-Any table of text: commas, semicolons, tabs, spaces or | between the columns, decimal point or comma,
-UTF-8, UTF-16 or Latin-1, comments after #, % or //. Columns in any order; others are not read:
+Reads any text table: commas, semicolons, tabs, spaces or | between columns, decimal point or comma,
+UTF-8, UTF-16 or Latin-1, comments after #, % or //. Columns may be in any order; others are ignored:
   t_s (or _ms, _us, _ns)   time, also since 1970, and either
   q1_rad, q2_rad, …        joints of the configured arm (or _deg)
   x_m, y_m, z_m            tip in the world frame (or _cm, _mm), and its orientation:
                            pitch_rad, roll_rad, yaw_rad (or _deg; y, x, z of the rotation vector,
                            0 when absent), or a unit quaternion qw, qx, qy, qz
-With learner.orientation = \"sphere\" in the file of --config it may turn any way and any number of times.
+With learner.orientation = \"sphere\" in the --config file, rotations are unlimited.
 Units may also stand in the header, as in 't [s]' or 'q1 (deg)', or in a row below it. Without a unit,
-lengths are m, angles rad, and the size of the steps tells the unit of the time. The names that
-`rostopic echo -p`, PlotJuggler, TUM/evo, EuRoC, UR RTDE, LeRobot and libfranka write are known;
---columns says what no name does.
+lengths are in m and angles in rad; the unit of time is inferred from the step size. Column names written by
+`rostopic echo -p`, PlotJuggler, TUM/evo, EuRoC, UR RTDE, LeRobot and libfranka are recognised; use
+--columns for all others.
 
-A Dmp of dmpbbo, written with its savejson_for_cpp, is played from its start over its _tau. 3 coordinates are x, y, z, 4
-have a pitch besides, 6 roll and yaw too, as many as the arm has joints are these; --columns x_mm=y1,y_mm=y2,z_mm=y3
-says otherwise. The learner fits it anew: with learner.encoding = dmp as a primitive again, with gains of its own.
+A dmpbbo Dmp, written with savejson_for_cpp, is integrated from its start over its _tau. 3 coordinates are x, y, z; 4
+add pitch; 6 add roll and yaw; one per joint of the arm are joint angles. --columns x_mm=y1,y_mm=y2,z_mm=y3 overrides
+this. The learner refits it: with learner.encoding = dmp as a primitive, with its own gains.
 
-Exit code 1 when the file is written but the configured arm cannot follow it: out of reach, or faster
-than its joint speeds and torques allow.")]
+Exits 1 if the file is written but the configured arm cannot follow it: out of reach, or faster than its
+joint speeds and torques allow.")]
 pub struct ImportArgs {
-    /// Recording (CSV, or any table of text), or a primitive of dmpbbo (JSON)
+    /// Recording (CSV or any text table), or a dmpbbo primitive (JSON)
     pub file: PathBuf,
     /// Demonstration to write; never overwrites a file
     #[arg(long)]
     pub out: PathBuf,
-    /// Samples a second of the result
+    /// Sample rate of the result, Hz
     #[arg(long, default_value_t = 100.0, value_parser = rate)]
     pub rate_hz: f64,
-    /// Smooth by parabolas fitted with Gaussian weights of this standard deviation, s
+    /// Smooth with local parabolas, Gaussian weights of this standard deviation, s
     #[arg(long, value_parser = positive)]
     pub smooth_s: Option<f64>,
-    /// Begin here, s since the first row of the recording
+    /// Start of the movement, s since the first row of the recording
     #[arg(long, value_name = "S", value_parser = finite, allow_hyphen_values = true)]
     pub start: Option<f64>,
-    /// End here, s since the first row of the recording
+    /// End of the movement, s since the first row of the recording
     #[arg(long, value_name = "S", value_parser = finite, allow_hyphen_values = true)]
     pub end: Option<f64>,
-    /// Play it this many times slower than it was recorded
+    /// Slow the recording down by this factor
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = slow)]
     pub slow: f64,
-    /// Move it so that it begins at the arm's start posture; its directions stay
+    /// Translate the recording so that it begins at the arm's start posture
     #[arg(long)]
     pub at_start: bool,
-    /// Say which column is what: t, q1, q2, …, x, y, z, qw, …, pitch, roll, yaw, with a unit as in
-    /// q1_deg; a column by its name or its number from 1
+    /// Assign columns: t, q1, q2, …, x, y, z, qw, …, pitch, roll, yaw, with a unit as in q1_deg;
+    /// name a column or give its number from 1
     #[arg(long, value_name = "QUANTITY=COLUMN,…", value_delimiter = ',')]
     pub columns: Vec<Assignment>,
     /// Configuration file (TOML) with the arm: plant.arm, plant.tip, plant.start_posture_rad

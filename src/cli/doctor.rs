@@ -7,18 +7,18 @@ use clap::Args;
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
-  skillet doctor                         what to mend before a loop runs here
+  skillet doctor                         what to fix before a loop runs here
   skillet doctor --json | jq .verdict
 
-Exit code: 0 when nothing is poor, 1 when something is.")]
+Exits 1 if any check is poor.")]
 pub struct DoctorArgs {
-    /// Configuration file (TOML): priority and core of the loop
+    /// Configuration file (TOML) with the loop's priority and core
     #[arg(long)]
     pub config: Option<PathBuf>,
     /// Print one JSON object
     #[arg(long)]
     pub json: bool,
-    /// Ask for real time, print what was granted, and end
+    /// Request real-time scheduling, print what was granted, and exit
     #[arg(long, hide = true)]
     pub attempt: bool,
 }

@@ -15,34 +15,34 @@ Examples:
   skillet judge sessions/pancake-1 --withdraw
   skillet judge --again sessions/pancake-1 --config new.toml
 
-A rating counts as learner.people.weight says, from the next rollout on. It may come late, and a later
-one for the same rollout replaces it. Without a running learner it is recorded, and counts when the
-session is resumed.
+A rating is weighted by learner.people.weight and takes effect from the next rollout. It may arrive late;
+a later rating of the same rollout replaces it. Without a running learner it is stored and takes effect
+when the session is resumed.
 
---again judges every stored trial anew, by the judge of another configuration, from what was measured of
-it: task.judge there, or learner.reward. No program is started: what it said is among the measures. The
-output says what would have been another success or another reward; the session stays as it is.")]
+--again re-judges every stored trial from its measures with another configuration's judge (task.judge or
+learner.reward). No program is started: a program's results are among the measures. The output lists the
+trials whose success or reward would differ; the session is not changed.")]
 pub struct JudgeArgs {
     /// Session folder with the rollout to rate
     #[arg(requires = "word", required_unless_present = "again", conflicts_with = "again")]
     pub session: Option<PathBuf>,
     #[command(flatten)]
     pub word: WordArgs,
-    /// The rollout to rate; the newest when absent
+    /// Rollout to rate [default: the newest]
     #[arg(long, value_name = "N", requires = "session")]
     pub rollout: Option<u64>,
-    /// Session folder whose trials are judged once more
+    /// Session folder whose trials are re-judged
     #[arg(long, value_name = "SESSION", requires = "config")]
     pub again: Option<PathBuf>,
     /// Configuration (TOML) with the other judge
     #[arg(long, requires = "again")]
     pub config: Option<PathBuf>,
-    /// Print JSON: with --again every trial with both verdicts
+    /// Print JSON; with --again, every trial with both verdicts
     #[arg(long)]
     pub json: bool,
 }
 
-/// One of these.
+/// The rating: exactly one of these.
 #[derive(Args)]
 #[group(id = "word", multiple = false)]
 pub struct WordArgs {
@@ -55,7 +55,7 @@ pub struct WordArgs {
     /// The rollout is worse than the one before it
     #[arg(long, requires = "session")]
     pub worse: bool,
-    /// Take back what was said of the rollout
+    /// Withdraw the rating of the rollout
     #[arg(long, requires = "session")]
     pub withdraw: bool,
 }

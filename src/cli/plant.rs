@@ -6,12 +6,12 @@ use clap::{Args, Subcommand, ValueEnum};
 
 use crate::config::plant::PlantKind;
 
-/// What turns torques into measurements.
+/// The plant, which turns torques into measurements.
 #[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
 pub enum KindArg {
-    /// The controller simulates it
+    /// Simulated by the controller
     Simulated,
-    /// Another process, which comes to the controller
+    /// Another process that connects to the controller
     External,
 }
 
@@ -32,9 +32,9 @@ pub struct PlantArgs {
 
 #[derive(Subcommand)]
 pub enum PlantVerb {
-    /// Serve a task's own simulated world to a controller that waits for an external plant
+    /// Serve a task's simulated world to a controller with an external plant
     Serve(ServeArgs),
-    /// Try out a plant of your own, step by step, with a verdict a line
+    /// Check your own plant step by step, one verdict per line
     Check(CheckArgs),
 }
 
@@ -44,13 +44,13 @@ Example, in two terminals:
   skillet controller --cell kitchen --plant external --pace max
   skillet plant serve --cell kitchen")]
 pub struct ServeArgs {
-    /// Cell of the controller; `cell.name` of the configuration when absent
+    /// Cell of the controller [default: `cell.name` of the configuration]
     #[arg(long)]
     pub cell: Option<String>,
-    /// Configuration file (TOML): its task's world, its arm
+    /// Configuration file (TOML) with the task and the arm
     #[arg(long)]
     pub config: Option<PathBuf>,
-    /// Poll shared memory for answers; for a machine with a core to spare
+    /// Poll shared memory for replies; needs a spare core
     #[arg(long)]
     pub poll: bool,
 }
@@ -61,19 +61,19 @@ Examples:
   skillet plant check                                        waits for a plant in the cell `skillet`
   skillet plant check --program \"python3 examples/plant_mujoco.py\" --json")]
 pub struct CheckArgs {
-    /// Cell to wait in; `cell.name` of the configuration when absent
+    /// Cell to wait in [default: `cell.name` of the configuration]
     #[arg(long)]
     pub cell: Option<String>,
-    /// Configuration file (TOML): the arm, the period, the start posture
+    /// Configuration file (TOML) with the arm, the period and the start posture
     #[arg(long)]
     pub config: Option<PathBuf>,
-    /// Program of the plant, words apart by spaces, to be started as often as needed
+    /// Program of the plant, split at spaces; started as often as needed
     #[arg(long, value_name = "COMMAND")]
     pub program: Option<String>,
     /// The plant is the clock, as a real arm is
     #[arg(long)]
     pub real: bool,
-    /// Samples of each trial
+    /// Samples per trial
     #[arg(long, default_value_t = 2000)]
     pub samples: u64,
     /// Print one JSON object

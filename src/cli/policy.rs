@@ -6,10 +6,10 @@ use clap::{Args, Subcommand, ValueEnum};
 
 use super::PreferArg;
 
-/// Which running cell is meant.
+/// Options that select a running cell.
 #[derive(Args, Clone)]
 pub struct CellArgs {
-    /// Name of the cell; `cell.name` of the configuration when absent
+    /// Name of the cell [default: `cell.name` of the configuration]
     #[arg(long)]
     pub cell: Option<String>,
     /// Configuration file (TOML); see `skillet config`
@@ -17,25 +17,25 @@ pub struct CellArgs {
     pub config: Option<PathBuf>,
 }
 
-/// Which policy of a session.
+/// Options that select a policy of a session.
 #[derive(Args, Clone)]
 pub struct ChoiceArgs {
-    /// Which mode of the session; as it was configured when absent
+    /// Which mode of the session to use [default: as configured]
     #[arg(long, value_enum)]
     pub prefer: Option<PreferArg>,
-    /// This mode of the session, preferred or not
+    /// Use this mode of the session
     #[arg(long, conflicts_with = "prefer")]
     pub mode: Option<usize>,
-    /// One that succeeds like this: an expression over the session's measures
+    /// Choose a policy whose successes meet this expression over the session's measures
     #[arg(long = "where", value_name = "EXPRESSION", conflicts_with_all = ["prefer", "mode"])]
     pub wish: Option<String>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
 pub enum AtArg {
-    /// When the rollout in progress has ended
+    /// At the end of the current rollout
     NextRollout,
-    /// Into the rollout in progress, blended
+    /// Now, blended into the current rollout
     Now,
 }
 
@@ -48,16 +48,16 @@ pub enum FormatArg {
 
 #[derive(Args)]
 #[command(after_help = "\
-Policies of a session, at rest:
+Policies of a session that is not running:
   skillet policy list sessions/pancake-1 --best 5
   skillet policy modes sessions/pancake-1
   skillet policy show sessions/pancake-1 17 --json
   skillet policy forbid sessions/skittles-1 1       a mode; the best of the others is selected
 
 Policies of a running cell:
-  skillet policy import sessions/pancake-1 --cell kitchen     its answer gets a number, say 1
-  skillet policy activate 1 --at now --cell kitchen           blended in, acknowledged with its tick
-  skillet policy pin --cell kitchen                           serve it, whatever a learner asks
+  skillet policy import sessions/pancake-1 --cell kitchen     the selected policy gets a number, say 1
+  skillet policy activate 1 --at now --cell kitchen           blended in; reports the exact tick
+  skillet policy pin --cell kitchen                           keep serving it and ignore the learner
   skillet policy rollback --cell kitchen
   skillet policy list --cell kitchen")]
 pub struct PolicyArgs {
@@ -67,7 +67,7 @@ pub struct PolicyArgs {
 
 #[derive(Subcommand)]
 pub enum PolicyVerb {
-    /// List the policies of a session, one a trial; without a session those of a cell
+    /// List the policies of a session, one per trial; without a session, those of a cell
     #[command(after_help = "\
 Examples:
   skillet policy list sessions/pancake-1 --best 5
@@ -83,13 +83,13 @@ Examples:
         #[command(flatten)]
         cell: CellArgs,
     },
-    /// Show the parameters of one policy, of a session or of a cell
+    /// Show the parameters of one policy of a session or a cell
     #[command(after_help = "\
 Examples:
   skillet policy show sessions/pancake-1 17 --json    0 is the initial policy
   skillet policy show 1 --cell kitchen")]
     Show {
-        /// Id in the session named before it, as in `policy list`; alone, number in the cell
+        /// Session and policy id, as in `policy list`; or only the number of a policy in the cell
         #[arg(required = true, num_args = 1..=2, value_names = ["SESSION", "ID"])]
         policy: Vec<String>,
         /// Print JSON
@@ -98,11 +98,11 @@ Examples:
         #[command(flatten)]
         cell: CellArgs,
     },
-    /// Show what the search has found: each mode with its best reward and its tolerance
+    /// Show the modes the search has found, each with its best reward and tolerance
     #[command(after_help = "Example: skillet policy modes sessions/skittles-1 --prefer tolerant")]
     Modes {
         session: PathBuf,
-        /// Which mode the answer is; as the session was configured when absent
+        /// Which mode provides the selected policy [default: as configured]
         #[arg(long, value_enum)]
         prefer: Option<PreferArg>,
         /// Print JSON
@@ -114,11 +114,11 @@ Examples:
 Examples:
   skillet policy forbid sessions/skittles-1 1    the best of the other modes is selected
   skillet policy allow sessions/skittles-1 1     undoes it
-  skillet policy forbid 3 --cell kitchen         policy 3 cannot be activated any more
+  skillet policy forbid 3 --cell kitchen         policy 3 can no longer be activated
 
 The last allowed mode of a session cannot be forbidden.")]
     Forbid {
-        /// Mode of the session named before it, as in `policy modes`; alone, number in the cell
+        /// Session and mode, as in `policy modes`; or only the number of a policy in the cell
         #[arg(required = true, num_args = 1..=2, value_names = ["SESSION", "MODE"])]
         policy: Vec<String>,
         /// Print JSON
@@ -133,7 +133,7 @@ Examples:
   skillet policy allow sessions/skittles-1 1
   skillet policy allow 3 --cell kitchen")]
     Allow {
-        /// Mode of the session named before it, as in `policy modes`; alone, number in the cell
+        /// Session and mode, as in `policy modes`; or only the number of a policy in the cell
         #[arg(required = true, num_args = 1..=2, value_names = ["SESSION", "MODE"])]
         policy: Vec<String>,
         /// Print JSON
@@ -142,7 +142,7 @@ Examples:
         #[command(flatten)]
         cell: CellArgs,
     },
-    /// Print a policy as JSON or TOML: the answer of a session, or one of a cell
+    /// Print a policy as JSON or TOML: the selected policy of a session, or one of a cell
     #[command(after_help = "\
 Examples:
   skillet policy export sessions/skittles-1 --prefer best > throw.json
@@ -151,8 +151,8 @@ Examples:
   skillet policy export 3 --cell kitchen
   skillet policy export last-good --cell kitchen
 
---where chooses among what the session's rollouts did: the policy comes from those that succeeded as
-wished, from where most of their neighbours did so too, and needs no further rollout.")]
+--where chooses among the session's rollouts: it takes a policy that met the condition in a region where
+most neighbours met it too, and needs no further rollout.")]
     Export {
         /// Session folder, number in the cell, or last-good
         from: String,
@@ -168,14 +168,14 @@ wished, from where most of their neighbours did so too, and needs no further rol
     #[command(after_help = "\
 Examples:
   skillet policy import flip.toml --cell kitchen
-  skillet policy import sessions/pancake-1 --cell kitchen           the session's answer
+  skillet policy import sessions/pancake-1 --cell kitchen           the selected policy
   skillet policy import sessions/pancake-1 --id 91 --cell kitchen   policy of one trial
   skillet policy import sessions/pancake-1 --where \"apex_m < 0.45\" --cell kitchen
 
-The controller checks bounds and stiffness and runs the policy on an ideal arm first; what it refuses
-it names.")]
+The controller checks bounds and stiffness and first runs the policy on an ideal arm. If it refuses a
+policy, it gives the reason.")]
     Import {
-        /// JSON or TOML of a policy, as `policy export` prints it, or a session folder
+        /// Policy (JSON or TOML, as `policy export` prints it), or a session folder
         from: PathBuf,
         /// Policy of the session, as in `policy list`
         #[arg(long, conflicts_with_all = ["prefer", "mode", "wish"])]
@@ -188,7 +188,7 @@ it names.")]
         #[command(flatten)]
         cell: CellArgs,
     },
-    /// Make a policy the active one; returns when it is applied, with the exact tick
+    /// Activate a policy; returns once it is applied, with the exact tick
     #[command(after_help = "\
 Examples:
   skillet policy activate 1 --cell kitchen
@@ -205,7 +205,7 @@ Examples:
         #[command(flatten)]
         cell: CellArgs,
     },
-    /// Serve the active policy rollout after rollout, whatever a learner asks; survives a restart
+    /// Keep serving the active policy and ignore the learner; persists across restarts
     #[command(after_help = "Example: skillet policy pin --cell kitchen")]
     Pin {
         /// Print JSON
@@ -214,7 +214,7 @@ Examples:
         #[command(flatten)]
         cell: CellArgs,
     },
-    /// Let the learner's proposals in again
+    /// Accept the learner's proposals again
     #[command(after_help = "Example: skillet policy unpin --cell kitchen")]
     Unpin {
         /// Print JSON
@@ -223,7 +223,7 @@ Examples:
         #[command(flatten)]
         cell: CellArgs,
     },
-    /// Go back to the policy that was active before, else to the last good one
+    /// Go back to the previously active policy, or else to the last good one
     #[command(after_help = "Example: skillet policy rollback --cell kitchen")]
     Rollback {
         #[arg(long, value_enum, default_value_t = AtArg::Now)]

@@ -13,24 +13,24 @@ use super::CellArgs;
 Examples:
   skillet record --cell kitchen                       kitchen.mcap, until Ctrl-C
   skillet record --cell kitchen --out runs/a.mcap --duration-s 60
-  skillet record --cell kitchen --by-rollout          a file for every rollout
+  skillet record --cell kitchen --by-rollout          one file per rollout
 
-The files open in Foxglove, PlotJuggler and Rerun; `mcap info FILE` lists what is in them. A recorder
-that is killed loses its last second; the next one that records into the folder completes its file.")]
+The files open in Foxglove, PlotJuggler and Rerun; `mcap info FILE` lists their contents. A killed
+recorder loses its last second; the next recorder in the same folder repairs its file.")]
 pub struct RecordArgs {
     #[command(flatten)]
     pub cell: CellArgs,
-    /// File to write, NAME.mcap; the name of the cell when absent. What exists is kept, the next
-    /// free number is taken
+    /// File to write, NAME.mcap [default: the name of the cell]; an existing file is kept and
+    /// the next free number is used
     #[arg(long)]
     pub out: Option<PathBuf>,
-    /// A new file for every rollout
+    /// Start a new file for every rollout
     #[arg(long)]
     pub by_rollout: bool,
-    /// A new file when one has grown so large
+    /// Start a new file at this size, MB
     #[arg(long, default_value = "512")]
     pub max_mb: NonZero<u64>,
-    /// Stop after so many seconds
+    /// Stop after this many seconds
     #[arg(long)]
     pub duration_s: Option<f64>,
     /// Print one JSON object at the end
@@ -41,21 +41,21 @@ pub struct RecordArgs {
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
-  skillet replay sessions/pancake-1 --trial 91        the best flip again, as replay-91.mcap
-  skillet replay sessions/pancake-1 --all             every trial again, compared bit for bit
+  skillet replay sessions/pancake-1 --trial 91        the best flip, as replay-91.mcap
+  skillet replay sessions/pancake-1 --all             every trial, compared bit for bit
 
-A trial is executed again from what the session folder holds, and its outcome compared with what was
-stored. Exit code 1: it differs.")]
+Reruns a trial from the session folder and compares the outcome with the stored one. Exits 1 if they
+differ.")]
 pub struct ReplayArgs {
     /// Session folder
     pub session: PathBuf,
-    /// Rollout to run again; the best one when absent
+    /// Rollout to rerun [default: the best one]
     #[arg(long, conflicts_with = "all")]
     pub trial: Option<u64>,
-    /// Run every trial again, and record none
+    /// Rerun every trial without recording
     #[arg(long)]
     pub all: bool,
-    /// File to write; `replay-N.mcap` in the session folder when absent
+    /// File to write [default: `replay-N.mcap` in the session folder]
     #[arg(long, conflicts_with = "all")]
     pub out: Option<PathBuf>,
     /// Print JSON
@@ -66,21 +66,21 @@ pub struct ReplayArgs {
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
-  skillet watch --cell kitchen                loop, policies, rewards; keys to act
-  skillet watch --cell kitchen --json         one JSON object a second, for scripts
+  skillet watch --cell kitchen                loop, policies, rewards, with keys for commands
+  skillet watch --cell kitchen --json         one JSON object per second, for scripts
   skillet watch --cell kitchen --serve        for Foxglove: open the connection ws://127.0.0.1:8765
 
-Whoever watches is lossy by design: a watcher that is slow or dies is noticed by nobody.")]
+Viewers are best-effort: a slow or crashed one never affects the loop.")]
 pub struct WatchArgs {
     #[command(flatten)]
     pub cell: CellArgs,
     /// Serve 3-D viewers over WebSocket, on a loopback address
     #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = "127.0.0.1:8765")]
     pub serve: Option<SocketAddr>,
-    /// Stop after so many seconds
+    /// Stop after this many seconds
     #[arg(long)]
     pub duration_s: Option<f64>,
-    /// Print one JSON object a second
+    /// Print one JSON object per second
     #[arg(long, conflicts_with = "serve")]
     pub json: bool,
 }

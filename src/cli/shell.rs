@@ -24,10 +24,9 @@ pub struct CompletionsArgs {
 #[command(after_help = "\
 Example: skillet man --out ~/.local/share/man/man1     then: man skillet-learn
 
-One page a command, rendered from the command line's own definition; pages that are there are
-replaced.")]
+Writes one page per command, rendered from the command-line definition. Existing pages are replaced.")]
 pub struct ManArgs {
-    /// Folder of the pages
+    /// Folder for the pages
     #[arg(long)]
     pub out: PathBuf,
 }

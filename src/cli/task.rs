@@ -17,24 +17,24 @@ pub struct TaskArgs {
 
 #[derive(Subcommand)]
 pub enum TaskVerb {
-    /// List the tasks with what is measured of their rollouts
+    /// List the tasks and the measures of their rollouts
     List {
         /// Print JSON
         #[arg(long)]
         json: bool,
     },
-    /// Run rollouts of a task for another program: one JSON object a line, in and out
+    /// Run rollouts for another program: one JSON object per line, in and out
     #[command(after_help = "\
 Examples:
   skillet task serve pancake
   skillet task serve pancake --config config/pancake-aim.toml
 
-The first line says what is searched: start, directions, box, measures, settings. Every line read then is a request:
-  {\"theta\": [0.1, …], \"path\": false}    runs θ, answers with reward, success, measures and fault
+The first output line describes the search: start, directions, box, measures, settings. Every input line is a request:
+  {\"theta\": [0.1, …], \"path\": false}    runs θ; replies with reward, success, measures and fault
   {\"policy\": {…}}                       runs a policy as `policy export` prints it
-  {\"decode\": [0.1, …]}                  answers with the policy of θ and runs nothing
-A request that cannot be run is answered with {\"refused\": \"why\"}. It ends with its input. The Python
-package's Task and environments use it; the rollouts are those of a session, bit for bit.")]
+  {\"decode\": [0.1, …]}                  replies with the policy of θ and runs nothing
+A request that cannot be run is answered with {\"refused\": \"why\"}. The command ends when its input ends. The
+Python package's Task and environments use it; the rollouts are bitwise equal to those of a session.")]
     Serve(ServeArgs),
 }
 
@@ -45,15 +45,15 @@ pub struct ServeArgs {
     /// Configuration file (TOML); see `skillet config`
     #[arg(long)]
     pub config: Option<PathBuf>,
-    /// A choice of `task.options`, as NAME=VALUE; may be repeated
+    /// Value of a `task.options` setting, as NAME=VALUE; may be repeated
     #[arg(long = "option", value_name = "NAME=VALUE", value_parser = choice, conflicts_with = "config")]
     pub options: Vec<(String, String)>,
-    /// Print JSON, which it always does; errors too
+    /// Print errors as JSON; other output always is
     #[arg(long)]
     pub json: bool,
 }
 
-/// A name and a value with an equals sign between them.
+/// Parses NAME=VALUE.
 fn choice(text: &str) -> Result<(String, String), String> {
     let (name, value) = text.split_once('=').ok_or("write it as NAME=VALUE")?;
     Ok((name.into(), value.into()))

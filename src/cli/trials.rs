@@ -11,16 +11,16 @@ Examples:
   skillet trials sessions/pancake-1 --csv trials.csv
   skillet trials sessions/pancake-1 --json
 
-One row a trial. Units stand in the column names; reward, shares and theta (the scaled search vector
-of a task with an arm) have none. Times count from the start of the movement. Numbers are written so
-that they come back bit for bit.")]
+One row per trial. Column names carry the units; reward, shares and theta (the scaled search vector of
+a task with an arm) have none. Times count from the start of the movement. Numbers round-trip bit for
+bit.")]
 pub struct TrialsArgs {
     /// Session folder
     pub session: PathBuf,
-    /// File to write, - for standard output; never overwrites a file
+    /// File to write, or - for standard output; never overwrites a file
     #[arg(long, value_name = "FILE", default_value = "-", conflicts_with = "json")]
     pub csv: PathBuf,
-    /// Print JSON: one object a trial
+    /// Print JSON, one object per trial
     #[arg(long)]
     pub json: bool,
 }

@@ -33,7 +33,7 @@ pub fn run(args: &ControllerArgs) -> Result<Verdict> {
     }
     let stop = stop_flag(Who::service(args.child))?;
     let set_level = log::start(&config.log);
-    // What the command line says differs from the file, but has not changed.
+    // The command line overrides the file, which counts as unchanged.
     reload::on_hangup(args.config.as_deref(), &written, set_level)?;
     let cell = Cell::new(args.cell.as_deref().unwrap_or(&config.cell.name))?;
 
@@ -53,7 +53,7 @@ pub fn run(args: &ControllerArgs) -> Result<Verdict> {
     if let Some(path) = args.timing.as_deref().filter(|_| summary.ticks > 0)
         && let Err(error) = TimingFile::add(path, summary.timing)
     {
-        tracing::warn!("{}: {error}; the timing of this run is not kept", path.display());
+        tracing::warn!("{}: {error}; the timing of this run is lost", path.display());
     }
     tracing::info!(
         rollouts = summary.rollouts,
@@ -61,7 +61,7 @@ pub fn run(args: &ControllerArgs) -> Result<Verdict> {
         swaps = summary.swaps,
         ticks = summary.ticks,
         deadline_misses = summary.deadline_misses,
-        "controller ended in order"
+        "controller ended cleanly"
     );
     Ok(Verdict::Done)
 }

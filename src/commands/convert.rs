@@ -56,7 +56,7 @@ fn recording(args: &ConvertArgs) -> Result<Contents> {
         );
     }
     if args.trial.is_some() {
-        bail!("--trial chooses one of a session, but {} is a recording", path.display());
+        bail!("--trial needs a session, but {} is a recording", path.display());
     }
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     let beside = || path.with_file_name(format!("{stem}-ros2"));

@@ -20,13 +20,13 @@ pub fn run(args: &DemoArgs) -> Result<Verdict> {
     }
 }
 
-/// Gives a session one more demonstration, which its arm can follow.
+/// Adds a demonstration that the session's arm can follow.
 fn add(args: &AddArgs) -> Result<Verdict> {
     let folder = SessionFolder::open(&args.session)?;
     let config = Config::load(Some(&folder.config_path()))?;
     let file = args.file.display().to_string();
     if !config.has_arm() {
-        bail!("{}: its task has no arm that could be shown a movement", args.session.display());
+        bail!("{}: its task has no arm and takes no demonstration", args.session.display());
     }
     let text = std::fs::read_to_string(&args.file)
         .with_context(|| format!("{file}: cannot read the demonstration; check the path"))?;

@@ -1,4 +1,4 @@
-//! `skillet doctor`: the grades of this host, and what to mend.
+//! `skillet doctor`: grades this host and suggests fixes.
 
 use std::path::Path;
 
@@ -54,14 +54,14 @@ fn as_text(host: &Host, checks: &[Check], verdict: Grade) -> String {
             text += &format!("          why:  {why}\n");
         }
         if let Some(mend) = mend {
-            text += &format!("          mend: {mend}\n");
+            text += &format!("          fix:  {mend}\n");
         }
     }
     let count = |grade| checks.iter().filter(|check| check.verdict == grade).count();
     let meaning = match verdict {
         Grade::Good => "fit for hard real time",
-        Grade::Poor => "ticks will be late until what is poor is mended",
-        Grade::Fair | Grade::Unknown => "runs in real time, with late ticks now and then",
+        Grade::Poor => "ticks will be late until the poor checks are fixed",
+        Grade::Fair | Grade::Unknown => "runs in real time, with occasional late ticks",
     };
     text += &format!(
         "\nverdict: {} – {meaning} ({} good, {} fair, {} poor, {} unknown)\n",

@@ -48,7 +48,7 @@ fn again(session: &Path, config_path: &Path, as_json: bool) -> Result<Verdict> {
     let task = &store.meta().task;
     if config.task.name != *task {
         bail!(
-            "{}: task.name is {}, but the session is one of the task {task}",
+            "{}: task.name is {}, but the session is for task {task}",
             config_path.display(),
             config.task.name
         );
@@ -88,7 +88,7 @@ impl Again<'_> {
         Again { trial, now }
     }
 
-    /// Of a trial that was judged before.
+    /// The earlier verdict, if the trial was judged before.
     fn before(&self) -> Option<(bool, f64)> {
         (!self.trial.set_aside).then_some((self.trial.own_success, self.trial.own_reward))
     }
@@ -125,14 +125,14 @@ fn text(judged: &[Again], not_measured: usize) -> String {
     let before = successes(&mut judged.iter().filter_map(Again::before));
     let now = successes(&mut judged.iter().filter_map(|again| again.now.clone().ok()));
     let mut text = format!(
-        "{} trials judged again: {other_reward} with another reward, {other_success} with another \
+        "{} trials re-judged: {other_reward} with another reward, {other_success} with another \
          verdict; successes {before} before, {now} now\n",
         judged.len()
     );
     if not_measured > 0 {
         text += &format!(
-            "{not_measured} trials have no measures, so there is nothing to judge: they were not executed, or \
-             their judge declined\n"
+            "{not_measured} trials have no measures and were not judged: they were not executed, or their \
+             judge declined\n"
         );
     }
     let best = |verdict: &dyn Fn(&Again) -> Option<(bool, f64)>| {

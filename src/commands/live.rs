@@ -17,14 +17,14 @@ use crate::cell::NamedCell;
 use crate::cli::AtArg;
 use crate::output::{print, print_json};
 
-/// What is carried out at once, and what may have to wait for a rollout and an approach.
+/// Timeouts of a command that takes effect immediately, and of one that may wait for a rollout and an approach.
 const SOON: Duration = Duration::from_secs(5);
 const NEXT_ROLLOUT: Duration = Duration::from_secs(60);
 
 /// Number of the last good policy, on the command line.
 const LAST_GOOD_WORD: &str = "last-good";
 
-/// A command with an id that nobody else uses.
+/// A command with a unique id.
 fn command(kind: u64) -> Command {
     Command::new(kind, RandomState::new().build_hasher().finish())
 }
@@ -37,7 +37,7 @@ pub fn import(cell: &NamedCell, policy: PolicyMsg, as_json: bool) -> Result<Verd
     } else {
         let name = cell.cell.name();
         print(&format!(
-            "policy {id} admitted; `skillet policy activate {id} --cell {name}` puts it to work\n"
+            "policy {id} admitted; run `skillet policy activate {id} --cell {name}` to use it\n"
         ))?;
     }
     Ok(Verdict::Done)
@@ -85,19 +85,19 @@ fn swap(cell: &NamedCell, command: Command, at: AtArg, as_json: bool) -> Result<
     } else {
         let (policy, tick) = (reply.policy.describe(), reply.applied_tick);
         print(&format!(
-            "policy {policy} applied at tick {tick}, {latency_ms:.2} ms after it was asked for\n"
+            "policy {policy} applied at tick {tick}, {latency_ms:.2} ms after the request\n"
         ))?;
         if reply.status.pinned == 1 {
             let name = cell.cell.name();
             print(&format!(
-                "it is pinned now: a learner waits until `skillet policy unpin --cell {name}`\n"
+                "it is pinned; learners wait until `skillet policy unpin --cell {name}`\n"
             ))?;
         }
     }
     Ok(Verdict::Done)
 }
 
-/// A command about what is served; says what is.
+/// Sends a command that changes what is served, and prints what is served now.
 pub fn change(cell: &NamedCell, kind: u64, policy_id: u64, as_json: bool) -> Result<Verdict> {
     let (reply, _) = cell.request(&Command { policy_id, ..command(kind) }, SOON)?;
     let status = &reply.status;
@@ -107,13 +107,13 @@ pub fn change(cell: &NamedCell, kind: u64, policy_id: u64, as_json: bool) -> Res
         print_json(&json!({ "active": active, "pinned": pinned, "last_good": good }))?;
     } else {
         let pinned =
-            if status.pinned == 1 { "pinned" } else { "not pinned: a learner comes first" };
+            if status.pinned == 1 { "pinned" } else { "not pinned: learners take precedence" };
         print(&format!("active policy {active} ({pinned}); last good policy {good}\n"))?;
     }
     Ok(Verdict::Done)
 }
 
-/// The catalogue as it is on disk: it needs no controller.
+/// Lists the catalogue on disk; needs no controller.
 pub fn list(cell: &NamedCell, as_json: bool) -> Result<Verdict> {
     let dir = cell.state_dir();
     let state = State::read(&dir)?;
@@ -153,7 +153,7 @@ pub fn list(cell: &NamedCell, as_json: bool) -> Result<Verdict> {
     if state.policies.is_empty() && state.last_good.is_none() {
         let name = cell.cell.name();
         print(&format!(
-            "no policy in cell '{name}' ({}) yet; `skillet policy import`\n",
+            "no policy in cell '{name}' ({}) yet; run `skillet policy import`\n",
             dir.display()
         ))?;
         return Ok(Verdict::Done);
@@ -174,7 +174,7 @@ pub fn list(cell: &NamedCell, as_json: bool) -> Result<Verdict> {
     Ok(Verdict::Done)
 }
 
-/// A policy of the cell's folder: by its number, or the last good one.
+/// Reads a policy from the cell's folder, by its number or as the last good one.
 pub fn stored(cell: &NamedCell, id: &str) -> Result<PolicyMsg> {
     let dir = cell.state_dir();
     let state = State::read(&dir)?;

@@ -1,4 +1,4 @@
-//! `skillet policy modes | forbid | allow | export`: choosing among what a session has found.
+//! `skillet policy modes | forbid | allow | export`: choose among the modes of a session.
 
 use std::fs::File;
 use std::path::Path;
@@ -23,7 +23,7 @@ use crate::stderr::say;
 
 /// Modes move while a session goes on, so that one place may come to forbid them all.
 const ALL_FORBIDDEN: &str =
-    "every mode is forbidden; `skillet policy allow SESSION MODE` allows one again";
+    "every mode is forbidden; run `skillet policy allow SESSION MODE` to allow one";
 
 /// A session at rest, and which mode it prefers.
 struct Found {
@@ -145,7 +145,7 @@ pub fn list(session: &Path, prefer: Option<PreferArg>, as_json: bool) -> Result<
             remark(report, answer)
         );
     }
-    text += "tolerance: expected reward when executed with the noise common to the modes\n";
+    text += "tolerance: expected reward under execution noise, the same for all modes\n";
     print(&text)?;
     Ok(Verdict::Done)
 }
@@ -178,11 +178,11 @@ pub fn forbid(session: &Path, mode: &str, as_json: bool) -> Result<Verdict> {
         let name = session.display();
         match others.first() {
             None => bail!(
-                "mode {number} is the only mode of session {name}, and without it there would be no \
-                 policy to use: nothing changed"
+                "mode {number} is the only mode of session {name}; without it no policy would be left: \
+                 nothing changed"
             ),
             Some(other) => bail!(
-                "mode {number} is the last mode of session {name} that is allowed: nothing changed. \
+                "mode {number} is the last allowed mode of session {name}: nothing changed. \
                  Allow another one first, as in `skillet policy allow {name} {other}`"
             ),
         }
@@ -223,7 +223,7 @@ pub fn answer(session: &Path, prefer: Option<PreferArg>, mode: Option<usize>) ->
     let (report, policy) = found.numbered(number)?;
     if report.forbidden {
         let name = session.display();
-        bail!("mode {number} is forbidden; `skillet policy allow {name} {number}` allows it again");
+        bail!("mode {number} is forbidden; run `skillet policy allow {name} {number}` to allow it");
     }
     Ok(*policy)
 }

@@ -52,7 +52,7 @@ fn serve(args: &ServeArgs) -> Result<Verdict> {
     };
     let mut line = Plant::connect(&socket, &description).context("skillet plant serve")?;
     notify(&[Notice::Ready]);
-    say("the controller is there");
+    say("connected to the controller");
     while !stop.load(Ordering::Relaxed) {
         match line.exchange_unless(&sample(&plant.measure()), &stop)? {
             Answer::Torque(tau) => {

@@ -1,4 +1,4 @@
-//! `skillet posture`: another posture for the null space, while the tip goes on with its skill.
+//! `skillet posture`: changes the null-space posture while the tip continues its skill.
 
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::time::Duration;
@@ -35,17 +35,17 @@ pub fn run(args: &PostureArgs) -> Result<Verdict> {
     }
     let mut text = match health::posture(&reply.status) {
         Some(offset) => format!(
-            "the posture moves by {offset} within {in_s:.1} s, from tick {tick} on\n`skillet posture \
-             --reset --cell {name}` takes it back\n"
+            "the posture moves by {offset} within {in_s:.1} s, from tick {tick} on\nrun `skillet posture \
+             --reset --cell {name}` to undo this\n"
         ),
         None => {
-            format!("the posture goes back to its start within {in_s:.1} s, from tick {tick} on\n")
+            format!("the posture returns to its start within {in_s:.1} s, from tick {tick} on\n")
         }
     };
     if reply.status.pinned == 0 && health::has_learner(&reply.status) {
         text += &format!(
-            "the learner's rollouts keep the start posture; `skillet policy pin --cell {name}` has the \
-             active policy served instead\n"
+            "the learner's rollouts keep the start posture; run `skillet policy pin --cell {name}` to \
+             serve the active policy instead\n"
         );
     }
     print(&text)?;

@@ -1,4 +1,4 @@
-//! `skillet hold` and `skillet rearm`: the arm held where it is, and free again.
+//! `skillet hold` and `skillet rearm`: hold the arm, and release it.
 
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::time::Duration;
@@ -30,12 +30,14 @@ pub fn hold(args: &HoldArgs) -> Result<Verdict> {
     if args.json {
         print_json(&json!({ "cell": name, "held": true }))?;
     } else {
-        print(&format!("the arm of cell {name} is held until `skillet rearm --cell {name}`\n"))?;
+        print(&format!(
+            "the arm of cell {name} is held; run `skillet rearm --cell {name}` to resume\n"
+        ))?;
     }
     Ok(Verdict::Done)
 }
 
-/// Has a command carried out; returns the name of the cell.
+/// Sends a command; returns the name of the cell.
 fn request(cell: &CellArgs, kind: u64) -> Result<String> {
     let named = NamedCell::of(cell)?;
     let id = RandomState::new().build_hasher().finish();

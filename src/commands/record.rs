@@ -33,12 +33,12 @@ pub fn run(args: &RecordArgs) -> Result<Verdict> {
         None => PathBuf::from(format!("{}.mcap", cell.name())),
     };
     if path.extension().is_none_or(|extension| extension != "mcap") {
-        bail!("{}: call the recording NAME.mcap", path.display());
+        bail!("{}: the recording must be named NAME.mcap", path.display());
     }
     let dir = path.parent().filter(|dir| !dir.as_os_str().is_empty()).unwrap_or(Path::new("."));
     std::fs::create_dir_all(dir)?;
     for recovered in recover_left(dir)? {
-        say(&format!("skillet: {} completed: its recorder had died", recovered.display()));
+        say(&format!("skillet: repaired {}, whose recorder had died", recovered.display()));
     }
     let stop = stop_flag(Who::Tool)?;
     let period = Duration::from_nanos(config.controller.period_ns());

@@ -18,7 +18,7 @@ use crate::stderr::say;
 /// The policy of a wish that was taken from rollout n has the id n + this.
 const WISH_POLICY_ID: u64 = 2_000_000;
 
-/// The policy for a wish, of a session at rest or at work; what the session itself is wished to do holds too.
+/// The policy for a condition, from a running or finished session; the session's own condition applies too.
 pub fn answer(session: &Path, wish: &str) -> Result<PolicyMsg> {
     let folder = SessionFolder::open(session)?;
     let store = open(folder.dir(), &folder.database())?;
@@ -38,8 +38,8 @@ pub fn answer(session: &Path, wish: &str) -> Result<PolicyMsg> {
     let problem = Problem::around(&store.initial_policy()?, &meta.learner, &demonstrations)?;
     let served = serve(&problem.spaces[0], &store.trials()?, &wish).context("--where")?;
     say(&format!(
-        "{} rollouts succeeded so; this is the policy of rollout {} and of those near it, where the \
-         chance of another one is about {:.2}",
+        "{} rollouts met the condition; the policy comes from rollout {} and its neighbours, with an \
+         estimated chance of {:.2} to meet it again",
         served.n, served.rollout, served.chance
     ));
     let policy_id = WISH_POLICY_ID + served.rollout;

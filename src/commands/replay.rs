@@ -58,7 +58,7 @@ pub(super) fn chosen<'a>(
     let wishes = store.wishes()?;
     let rollout = rollout.unwrap_or_else(|| best(trials, wishes.last()));
     let trial = trials.iter().find(|trial| trial.rollout == rollout).with_context(|| {
-        format!("{}: has no trial {rollout}, but 1..={}", session.display(), trials.len())
+        format!("{}: no trial {rollout}; use 1..={}", session.display(), trials.len())
     })?;
     if !trial.was_executed() {
         bail!(

@@ -110,17 +110,15 @@ fn gather(folder: &SessionFolder, notes: &[(String, String)]) -> Result<ReportDa
     })
 }
 
-/// How the loop kept its time; what is wrong with the file is no reason to have no report.
+/// The loop's timing. A damaged file must not prevent the report.
 fn timing(path: &Path) -> Result<Vec<LoopTiming>, String> {
     match TimingFile::read(path) {
         Ok(Some(file)) => Ok(file.loops().to_vec()),
         Ok(None) => Err(format!(
-            "the session holds no {}: no controller of it has ended in order yet.",
+            "the session has no {}: none of its controllers has ended cleanly yet.",
             name_of(path)
         )),
-        Err(error) => {
-            Err(format!("{}: {error}; delete it, and later runs are counted.", name_of(path)))
-        }
+        Err(error) => Err(format!("{}: {error}; delete it to count later runs.", name_of(path))),
     }
 }
 
@@ -132,7 +130,7 @@ fn name_of(path: &Path) -> String {
 fn wishes_text(wishes: &Wishes) -> Vec<(String, String)> {
     let row = |(rollout, text): (u64, &str)| {
         let text = if text.is_empty() { "anything that succeeds" } else { text };
-        (format!("wished from rollout {rollout} on"), text.to_string())
+        (format!("condition from rollout {rollout} on"), text.to_string())
     };
     wishes.texts().map(row).collect()
 }

@@ -12,7 +12,7 @@ use crate::signals::{Who, stop_flag};
 use crate::soak::{self, Plan};
 use crate::stderr::say;
 
-/// Of a soak that counts no kills, min.
+/// Default duration of a soak without --kills, min.
 const MINUTES: f64 = 2.0;
 
 pub fn run(args: &SoakArgs) -> Result<Verdict> {

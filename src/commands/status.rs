@@ -1,4 +1,4 @@
-//! `skillet status`: one look at a running controller.
+//! `skillet status`: a snapshot of a running controller.
 
 use std::path::Path;
 use std::time::Duration;
@@ -67,7 +67,7 @@ fn phase(status: &Status) -> &'static str {
     PHASES.get(status.phase as usize).copied().unwrap_or("unknown")
 }
 
-/// The machine fault that holds the arm.
+/// The hardware fault that holds the arm.
 fn latched(status: &Status) -> Option<&'static str> {
     (status.latched_fault != 0).then(|| Fault::describe(status.latched_fault as u32))
 }
@@ -147,15 +147,15 @@ fn percentiles(p50_ns: u64, p99_ns: u64, max_ns: u64) -> serde_json::Value {
     json!({ "p50": us(p50_ns), "p99": us(p99_ns), "max": us(max_ns) })
 }
 
-/// A line about the latched fault, where there is one.
+/// A line about the latched fault, if there is one.
 fn held(cell: &Cell, status: &Status) -> String {
     let Some(fault) = latched(status) else { return String::new() };
     let (name, age_s) = (cell.name(), status.latched_ns as f64 * 1e-9);
     let next = match status.latched_present {
-        1 => "its cause is present: mend it".to_string(),
-        _ => format!("`skillet rearm --cell {name}` when it is mended"),
+        1 => "the cause is still present: fix it first".to_string(),
+        _ => format!("fix the cause, then run `skillet rearm --cell {name}`"),
     };
-    format!("held        for {age_s:.0} s, machine fault: {fault}; {next}\n")
+    format!("held        for {age_s:.0} s: {fault}; {next}\n")
 }
 
 fn plant(status: &Status) -> &'static str {
@@ -170,8 +170,8 @@ fn as_text(cell: &Cell, status: &Status, faults_dir: &Path) -> String {
     let us = |ns: u64| ns as f64 * 1e-3;
     let pace = match (status.pace, status.privileged) {
         (PACE_MAX, _) => "as fast as the simulation allows",
-        (PACE_PLANT, 1) => "that of the plant, SCHED_FIFO",
-        (PACE_PLANT, _) => "that of the plant, without real-time priority",
+        (PACE_PLANT, 1) => "paced by the plant, SCHED_FIFO",
+        (PACE_PLANT, _) => "paced by the plant, without real-time priority",
         (_, 1) => "real time, SCHED_FIFO",
         (_, _) => "real time, without real-time priority",
     };
@@ -238,12 +238,13 @@ fn as_text(cell: &Cell, status: &Status, faults_dir: &Path) -> String {
     text
 }
 
-/// Lines about what went wrong, where something did.
+/// Lines about failures, if there were any.
 fn trouble(status: &Status, faults_dir: &Path) -> String {
     let mut text = String::new();
     if status.spooled > 0 {
-        let full = if status.spool_full == 1 { "; it is full, learning pauses" } else { "" };
-        text += &format!("spool       {} episodes wait for their learner{full}\n", status.spooled);
+        let full = if status.spool_full == 1 { "; it is full, learning is paused" } else { "" };
+        text +=
+            &format!("spool       {} episodes waiting for their learner{full}\n", status.spooled);
     }
     if status.fault_records > 0 {
         let n = status.fault_records;
@@ -257,8 +258,7 @@ fn trouble(status: &Status, faults_dir: &Path) -> String {
     }
     if status.stalls > 0 {
         let longest = status.stall_longest_ns as f64 * 1e-9;
-        text +=
-            &format!("stalls      {} since its start, the longest {longest:.1} s\n", status.stalls);
+        text += &format!("stalls      {} since the start, longest {longest:.1} s\n", status.stalls);
     }
     text
 }

@@ -19,7 +19,7 @@ pub fn run(args: &StudyArgs) -> Result<Verdict> {
         return Ok(Verdict::Done);
     };
     let Some(study) = STUDIES.iter().find(|study| study.name == *name) else {
-        bail!("study '{name}' is not known: use one of\n{}", list());
+        bail!("unknown study '{name}': use one of\n{}", list());
     };
     let stop = stop_flag(Who::Tool)?;
     if let Some(parent) = args.child {
@@ -43,7 +43,7 @@ pub fn run(args: &StudyArgs) -> Result<Verdict> {
             if args.json {
                 print_json(&json!({ "study": study.name, "interrupted": true }))?;
             }
-            say("stopped; the seeds that are done are kept, the same command goes on");
+            say("stopped; finished seeds are kept, rerun the command to continue");
             return Ok(Verdict::Negative);
         }
     }

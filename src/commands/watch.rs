@@ -33,7 +33,7 @@ pub fn run(args: &WatchArgs) -> Result<Verdict> {
     } else if std::io::stdout().is_terminal() {
         lines::run(model(), watcher, lines::text, &is_over)?;
     } else {
-        bail!("this is no terminal: use --json for scripts, or `skillet status` for one look");
+        bail!("not a terminal: use --json for scripts, or `skillet status` for a snapshot");
     }
     Ok(Verdict::Done)
 }

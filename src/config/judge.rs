@@ -7,7 +7,7 @@ use anyhow::{Result, bail};
 use serde::{Deserialize, Serialize};
 use shm_types::measures::TRUTH;
 
-/// Measures that every program answers.
+/// Measures that every program returns.
 pub const REWARD: &str = "reward";
 pub const SUCCESS: &str = "success";
 /// Time-outs, s.
@@ -17,23 +17,23 @@ const MAX_TIMEOUT_S: f64 = 86_400.0;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct JudgeConfig {
-    /// `1.5*min(apex_m, 0.55) + flip_angle_rad/pi`; with a program, the measure `reward` when absent.
+    /// `1.5*min(apex_m, 0.55) + flip_angle_rad/pi`; with a program, the default is its measure `reward`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reward: Option<String>,
-    /// `caught and flip_angle_rad > 2.5`; with a program, the measure `success` when absent. Without either,
-    /// only the reward tells good from bad.
+    /// `caught and flip_angle_rad > 2.5`; with a program, the default is its measure `success`. Without
+    /// either, only the reward distinguishes rollouts.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub success: Option<String>,
-    /// Program and arguments: a child process of the learner, asked about every rollout.
+    /// Program and arguments: a child process of the learner that judges every rollout.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub program: Vec<String>,
-    /// Working folder of the program; that of the configuration file, or of `--judge`, when absent.
+    /// Working folder of the program. Default: that of the configuration file, or of `--judge`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub directory: Option<PathBuf>,
-    /// Longest time for an answer of the program, s; the first one includes its start.
+    /// Longest time for a reply of the program, s; the first one includes its start.
     #[serde(skip_serializing_if = "is_usual_timeout")]
     pub timeout_s: f64,
-    /// What the program measures beside reward and success: names with their units, as `gap_m = "m"`.
+    /// The program's measures besides reward and success: names with their units, such as `gap_m = "m"`.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub measures: BTreeMap<String, String>,
 }
@@ -63,7 +63,7 @@ fn is_usual_timeout(timeout_s: &f64) -> bool {
 }
 
 impl JudgeConfig {
-    /// By expressions alone.
+    /// With expressions only.
     pub fn written(reward: &str, success: &str) -> JudgeConfig {
         JudgeConfig {
             reward: Some(reward.into()),
@@ -81,7 +81,7 @@ impl JudgeConfig {
         self.reward.as_deref().unwrap_or(REWARD)
     }
 
-    /// The success as an expression, where there is one.
+    /// The success as an expression, if there is one.
     pub fn success(&self) -> Option<&str> {
         self.success.as_deref().or(self.has_program().then_some(SUCCESS))
     }
@@ -104,7 +104,7 @@ impl JudgeConfig {
         (self.program, self.directory) = (program, Some(directory));
     }
 
-    /// What must stay in a session: a program may be repaired, moved and given more time.
+    /// The settings that a session keeps: a program may be fixed, moved and given more time.
     pub fn without_place(&self) -> JudgeConfig {
         let program = self.program.iter().take(1).map(|_| String::new()).collect();
         let timeout_s = JudgeConfig::default().timeout_s;

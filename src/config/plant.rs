@@ -11,32 +11,32 @@ use physics::pancake::{PancakeConfig, WAM7_START_POSTURE};
 use physics::plant::Dynamics;
 use serde::{Deserialize, Serialize};
 
-/// The simulated arm, pan and pancake, or what another process has in their place.
+/// The simulated arm, pan and pancake, or an external plant in their place.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PlantConfig {
-    /// simulated: by the controller itself; external: a process of your own, a simulator or a robot's driver,
-    /// comes to the controller; see docs/plant.md.
+    /// simulated: by the controller; external: your own process, a simulator or a robot's driver, connects to
+    /// the controller; see docs/plant.md.
     pub kind: PlantKind,
-    /// Program and arguments of an external plant that `skillet learn` starts; without one it waits for it.
+    /// Program and arguments of an external plant that `skillet learn` starts; without it, it waits for a plant.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub program: Vec<String>,
-    /// Where an external plant comes to; `plant.sock` in the folder of the cell when absent.
+    /// Socket for an external plant. Default: `plant.sock` in the folder of the cell.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub socket: Option<PathBuf>,
-    /// multibody: the arm is Rapier's, as everything it touches; split: the arm by equations of motion of
-    /// our own, of second order, and only what it touches by Rapier; see docs/simulation.md.
+    /// multibody: Rapier simulates the arm and everything it touches; split: our own second-order equations of
+    /// motion for the arm, and Rapier only for what it touches; see docs/simulation.md.
     pub dynamics: DynamicsKind,
-    /// What only an external plant can measure of a rollout: names with their units, as
-    /// `contact_force_n = "N"`. They join the task's measures.
+    /// Measures that only an external plant can take: names with their units, such as
+    /// `contact_force_n = "N"`. They are added to the task's measures.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub measures: BTreeMap<String, String>,
-    /// URDF of the arm; the built-in WAM when absent.
+    /// URDF of the arm. Default: the built-in WAM.
     pub arm: Option<PathBuf>,
     /// Link whose frame is the pan: origin on its surface, z its normal. With `pan`, any link that
     /// is to carry one.
     pub tip: String,
-    /// Link at which the arm begins: moving joints before it are held. The root when absent.
+    /// Link at which the arm begins: moving joints before it are held. Default: the root.
     pub base: Option<String>,
     /// Where rollouts start; the pan must be level there.
     pub start_posture_rad: Vec<f64>,
@@ -48,25 +48,25 @@ pub struct PlantConfig {
     pub restitution: f64,
     pub contact_frequency_hz: f64,
     pub contact_damping_ratio: f64,
-    /// Sub-steps of the world in a period; what `dynamics` needs when absent.
+    /// Sub-steps of the world per period. Default: as `dynamics` needs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub solver_iterations: Option<usize>,
-    /// One a joint, instead of the effort and velocity limits of the URDF; those when empty.
+    /// One per joint, replacing the effort and velocity limits of the URDF unless empty.
     pub torque_limits_nm: Vec<f64>,
     pub speed_limits_rad_s: Vec<f64>,
     /// A pan fixed to the tip link, for a URDF without one.
     pub pan: Option<PanConfig>,
-    /// Joints that stand still, and where, rad or m. Those beside the arm stand at 0 otherwise.
+    /// Positions of held joints, rad or m. Other joints outside the arm are held at 0.
     pub held: BTreeMap<String, f64>,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PlantKind {
-    /// By the controller itself
+    /// By the controller
     #[default]
     Simulated,
-    /// By another process, which comes to the controller
+    /// By another process that connects to the controller
     External,
 }
 
@@ -145,7 +145,7 @@ impl PlantConfig {
         }
     }
 
-    /// What is said about the arm beside its URDF.
+    /// Settings of the arm in addition to its URDF.
     pub fn arm_settings(&self) -> ArmSettings {
         ArmSettings {
             base: self.base.clone(),
@@ -189,7 +189,7 @@ impl PlantConfig {
         let posture = &self.start_posture_rad;
         if posture.is_empty() || posture.len() > physics::arm::MAX_JOINTS {
             bail!(
-                "plant.start_posture_rad has {} numbers: give one a joint of the arm, 1 to {}",
+                "plant.start_posture_rad has {} numbers: give one per joint of the arm, 1 to {}",
                 posture.len(),
                 physics::arm::MAX_JOINTS
             );

@@ -1,4 +1,4 @@
-//! What a configuration file may say, and what is refused by name.
+//! What a configuration file may contain, and which errors name the field.
 
 use super::*;
 

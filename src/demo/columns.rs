@@ -29,7 +29,7 @@ pub struct Columns {
     /// One, or seconds and nanoseconds, which add up.
     pub time: Vec<Column>,
     pub quantities: Quantities,
-    /// Names of the columns nobody asked for.
+    /// Names of the ignored columns.
     pub ignored: Vec<String>,
     pub warnings: Vec<String>,
     /// What writes such a file, where the names tell.

@@ -11,7 +11,7 @@ use super::names::{self, Name, Units};
 pub struct Assignment {
     /// t, q1 to q7, x, y, z, pitch, roll, yaw, qw, qx, qy or qz.
     pub quantity: String,
-    /// Of the column, where its name does not say it or says it wrongly.
+    /// Unit of the column, if its name lacks it or is wrong.
     pub unit: Option<String>,
     /// Name of the column, or its number from 1.
     pub column: String,

@@ -1,4 +1,4 @@
-//! From somebody's recording to a demonstration: read, trim, smooth, resample, move, write.
+//! From a recording to a demonstration: read, trim, smooth, resample, move, write.
 //!
 //! bytes → [`encoding`] → [`dialect`] (rows of cells) → [`fields`] → [`columns`] (what is what) →
 //! [`rows`] (values and times) → [`gaps`] → [`recording`] → [`import`]. A primitive of dmpbbo is played before

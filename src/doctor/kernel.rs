@@ -1,4 +1,4 @@
-//! The kernel: who it lets in, how much time it gives to real time, and what its clock costs.
+//! The kernel: preemption, the real-time budget, and the cost of its clock.
 
 use super::{Finding, Grade, Subject, good, not_good, unknown};
 use crate::host::{self, Preemption};

@@ -6,7 +6,7 @@ use crate::host::Root;
 /// What one cell keeps in /dev/shm: 36 MB, of which 22 MB are the segment of episodes (room for 14
 /// of 4000 records). `tests/doctor.rs` compares it with a running cell.
 pub const CELL_BYTES: u64 = 40 << 20;
-/// With less the kernel takes pages from whoever has them.
+/// With less, the kernel reclaims pages from other processes.
 const AVAILABLE_BYTES: u64 = 256 << 20;
 const SWAPPINESS: i64 = 10;
 

@@ -48,11 +48,11 @@ pub struct Check {
     pub verdict: Grade,
     pub found: String,
     pub why: &'static str,
-    /// What to run; absent where the check is good or nothing can be done.
+    /// The fix; absent if the check is good or nothing can be done.
     pub mend: Option<String>,
 }
 
-/// What a check finds: grade, words for it, remedy.
+/// The result of a check: grade, description, fix.
 type Finding = (Grade, String, Option<String>);
 
 fn good(found: impl Into<String>) -> Finding {
@@ -73,7 +73,7 @@ pub struct Subject<'a> {
     /// SCHED_FIFO priority and core of the loop.
     pub priority: u8,
     pub core: usize,
-    /// What asking for real time came to; an error says why nobody could ask.
+    /// The result of requesting real time, or why the request failed.
     pub attempt: Result<Attempt, String>,
     pub space: Option<Space>,
 }
@@ -86,25 +86,25 @@ const CHECKS: [Entry; 18] = [
     ("kernel preemption", "a kernel that cannot be interrupted delays ticks", kernel::preemption),
     (
         "real-time throttling",
-        "tasks that use up the budget of real-time time are stopped",
+        "tasks that exhaust the real-time budget are stopped",
         kernel::throttling,
     ),
     ("clock source", "every tick reads the clock several times", kernel::clock_source),
     ("priority limit", "without SCHED_FIFO any process delays ticks", rights::priority_limit),
     ("memory lock limit", "a page fault in a tick waits for the kernel", rights::memory_lock),
-    ("real time granted", "limits are promises; this is the attempt", rights::granted),
-    ("cores", "the loop needs a core beside that of the learner", cores::count),
-    ("frequency governor", "a core that speeds up late makes late ticks", cores::governor),
+    ("real time granted", "limits are promises; this is an actual request", rights::granted),
+    ("cores", "the loop needs a core besides the learner's", cores::count),
+    ("frequency governor", "a core that speeds up slowly delays ticks", cores::governor),
     ("idle states", "waking from a deep state costs more than a tick", cores::idle_states),
     ("isolated core", "other tasks on the loop's core delay it", cores::isolated),
     ("interrupts", "interrupts on the loop's core delay it", cores::interrupts),
     ("SMT", "the other thread of the core slows ticks down", cores::smt),
     ("shared memory", "controller and learner meet there", memory::shared_memory),
-    ("memory and swap", "memory that was swapped out comes back slowly", memory::swap),
-    ("other real-time tasks", "they come before the loop", neighbours::realtime_tasks),
-    ("virtual machine", "the host below may take the core away", neighbours::hypervisor),
-    ("CPU quota", "a group beyond its quota is stopped", neighbours::quota),
-    ("allowed cores", "the loop must be let onto its core", neighbours::allowed_cores),
+    ("memory and swap", "swapped-out memory is slow to return", memory::swap),
+    ("other real-time tasks", "they preempt the loop", neighbours::realtime_tasks),
+    ("virtual machine", "the hypervisor may take the core away", neighbours::hypervisor),
+    ("CPU quota", "a group that exceeds its quota is stopped", neighbours::quota),
+    ("allowed cores", "the loop must be allowed on its core", neighbours::allowed_cores),
 ];
 
 pub fn examine(subject: &Subject) -> Vec<Check> {
@@ -115,7 +115,7 @@ pub fn examine(subject: &Subject) -> Vec<Check> {
     CHECKS.iter().map(check).collect()
 }
 
-/// The worst of the grades; what nobody knows is not good.
+/// The worst of the grades; unknown is not good.
 pub fn overall(checks: &[Check]) -> Grade {
     let any = |grade| checks.iter().any(|check| check.verdict == grade);
     match (any(Grade::Poor), any(Grade::Fair) || any(Grade::Unknown)) {

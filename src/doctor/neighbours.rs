@@ -1,4 +1,4 @@
-//! Who else has a say: other real-time tasks, the hypervisor, the limits of a container.
+//! Other influences: real-time tasks, the hypervisor, the limits of a container.
 
 use super::{Finding, Grade, Subject, good, not_good, unknown};
 use crate::host::{self, Root, list};
@@ -37,7 +37,7 @@ pub fn realtime_tasks(subject: &Subject) -> Finding {
     not_good(Grade::Fair, found.join(", ") + &more, mend)
 }
 
-/// Name and priority of a task that comes before a loop of `priority`. Threads of the kernel are
+/// Name and priority of a task that preempts a loop of `priority`. Threads of the kernel are
 /// left out: those above the loop (migration, stop) are meant to be.
 fn rival(stat: &str, priority: u8) -> Option<String> {
     let (before, after) = stat.rsplit_once(')')?;

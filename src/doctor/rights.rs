@@ -54,7 +54,7 @@ pub fn granted(subject: &Subject) -> Finding {
     not_good(
         grade,
         found,
-        "mend the limits above; in a container also `--cap-add SYS_NICE --cap-add IPC_LOCK`",
+        "fix the limits above; in a container also use `--cap-add SYS_NICE --cap-add IPC_LOCK`",
     )
 }
 

@@ -213,8 +213,8 @@ fn every_check_can_fail_and_then_says_what_to_do() {
         let failed = CASES.iter().any(|(name, _, grade)| {
             *name == check.name && matches!(grade, Grade::Fair | Grade::Poor)
         });
-        let mended = check.verdict == Grade::Poor && check.mend.is_some();
-        assert!(failed || mended, "{} is never poor or fair", check.name);
+        let has_fix = check.verdict == Grade::Poor && check.mend.is_some();
+        assert!(failed || has_fix, "{} is never poor or fair", check.name);
         assert_ne!(check.verdict, Grade::Good, "{} on a host without files", check.name);
         assert_eq!(check.mend.is_some(), !matches!(check.verdict, Grade::Unknown));
     }

@@ -51,7 +51,7 @@ struct Line {
 pub fn parse(line: &[u8], rollout: u64, own: &BTreeMap<String, String>) -> Result<Answer, String> {
     let mut said = read(line).map_err(|error| {
         format!(
-            "it answered `{}`, which is no answer ({}): write one line of JSON a rollout to standard output, \
+            "it replied `{}`, which is not valid ({}): write one line of JSON per rollout to standard output, \
              and everything else to standard error",
             words(line),
             words(error.as_bytes())
@@ -59,24 +59,24 @@ pub fn parse(line: &[u8], rollout: u64, own: &BTreeMap<String, String>) -> Resul
     })?;
     if said.rollout != rollout {
         return Err(format!(
-            "it answered for rollout {} when asked for {rollout}: answer every line once, before the next",
+            "it replied for rollout {} instead of {rollout}: reply to every line once, before the next",
             said.rollout
         ));
     }
     if let Some(error) = said.error {
         return Ok(Answer::Declined(words(error.as_bytes())));
     }
-    let reward = said.reward.ok_or("its answer has no `reward`: give a finite number")?;
+    let reward = said.reward.ok_or("its reply has no `reward`: give a finite number")?;
     let mut values = vec![finite("reward", reward)?, f64::from(u8::from(said.success))];
     for (name, unit) in own {
         let value = said.measures.remove(name).ok_or_else(|| {
-            format!("its answer lacks the measure {name}, which task.judge.measures declares")
+            format!("its reply lacks the measure {name}, which task.judge.measures declares")
         })?;
         values.push(number(name, unit, &value)?);
     }
     match said.measures.first_key_value() {
         Some((name, _)) => Err(format!(
-            "it answered a measure `{}`, which task.judge.measures does not declare: add it there with its \
+            "its reply has a measure `{}`, which task.judge.measures does not declare: add it there with its \
              unit",
             words(name.as_bytes())
         )),
@@ -88,7 +88,7 @@ pub fn parse(line: &[u8], rollout: u64, own: &BTreeMap<String, String>) -> Resul
 fn read(line: &[u8]) -> Result<Line, String> {
     match line.trim_ascii_start().first() {
         Some(b'{') => serde_json::from_slice(line).map_err(|error| error.to_string()),
-        _ => Err("it is no object".into()),
+        _ => Err("it is not an object".into()),
     }
 }
 
@@ -101,14 +101,14 @@ fn number(name: &str, unit: &str, value: &Value) -> Result<f64, String> {
     let wanted = if unit == TRUTH { "true or false" } else { "a finite number" };
     let given = || words(value.to_string().as_bytes());
     let number = number
-        .ok_or_else(|| format!("it answered {} for the measure {name}: give {wanted}", given()))?;
+        .ok_or_else(|| format!("it replied {} for the measure {name}: give {wanted}", given()))?;
     finite(name, number)
 }
 
 fn finite(name: &str, number: f64) -> Result<f64, String> {
     match number.is_finite() {
         true => Ok(number),
-        false => Err(format!("it answered {number} for {name}: give a finite number")),
+        false => Err(format!("it replied {number} for {name}: give a finite number")),
     }
 }
 
@@ -168,14 +168,14 @@ mod tests {
             format!(r#"{{"rollout": 12, "reward": 1, "measures": {{{measures}}}}}"#)
         };
         for (line, word) in [
-            ("hello".to_string(), "`hello`, which is no answer"),
-            (String::new(), "no answer"),
-            ("[12, 1, true, {}, null]".into(), "no object"),
-            (r#"{"rollout": 12, "reward": NaN}"#.into(), "no answer"),
-            (r#"{"rollout": 12, "reward": 1e999}"#.into(), "no answer"),
-            (r#"{"rollout": 12, "reward": true}"#.into(), "no answer"),
+            ("hello".to_string(), "`hello`, which is not valid"),
+            (String::new(), "not valid"),
+            ("[12, 1, true, {}, null]".into(), "not an object"),
+            (r#"{"rollout": 12, "reward": NaN}"#.into(), "not valid"),
+            (r#"{"rollout": 12, "reward": 1e999}"#.into(), "not valid"),
+            (r#"{"rollout": 12, "reward": true}"#.into(), "not valid"),
             (r#"{"rollout": 12, "reward": 1, "sucess": true}"#.into(), "`sucess`"),
-            (r#"{"rollout": 11, "reward": 1}"#.into(), "rollout 11 when asked for 12"),
+            (r#"{"rollout": 11, "reward": 1}"#.into(), "rollout 11 instead of 12"),
             (r#"{"rollout": 12}"#.into(), "no `reward`"),
             (measured(r#""gap_m": 1"#), "lacks the measure straight"),
             (measured(r#""gap_m": null, "straight": 1"#), "null for the measure gap_m"),

@@ -23,7 +23,7 @@ pub fn words(command: &str) -> Result<Vec<String>> {
     }
     children::words(
         command,
-        "the judge's program is empty: name one, as my_task.py or \"python3 my_task.py\"",
+        "the judge's program is empty: name one, such as my_task.py or \"python3 my_task.py\"",
     )
 }
 
@@ -42,7 +42,7 @@ pub fn check(judge: &JudgeConfig) -> Result<()> {
     let folder = folder(judge);
     if !folder.is_dir() {
         bail!(
-            "{}: the judge's folder does not exist: give the judge once more, with --judge",
+            "{}: the judge's folder does not exist: set the judge again with --judge",
             folder.display()
         );
     }
@@ -57,7 +57,7 @@ pub fn check(judge: &JudgeConfig) -> Result<()> {
         let is_beside = !is_path && folder.join(program).is_file();
         let hint = match is_beside {
             true => format!(
-                "there is one in {}: write ./{program}, or its interpreter before it",
+                "there is one in {}: write ./{program}, or put its interpreter first",
                 folder.display()
             ),
             false if is_path => format!("paths are relative to {}", folder.display()),
@@ -67,7 +67,7 @@ pub fn check(judge: &JudgeConfig) -> Result<()> {
     }
     if !places.iter().any(|place| access(place.as_path(), Access::EXEC_OK).is_ok()) {
         bail!(
-            "task.judge.program: {program} is not executable: write its interpreter before it, as [\"python3\", \
+            "task.judge.program: {program} is not executable: put its interpreter first, as in [\"python3\", \
              \"{program}\"], or run `chmod +x`"
         );
     }

@@ -157,8 +157,8 @@ impl Process {
         let end = self.heard.iter().position(|byte| *byte == b'\n');
         if end.unwrap_or(self.heard.len()) > MAX_BYTES {
             return Err(format!(
-                "it answered more than {MAX_BYTES} bytes in a line, which begins with `{}`: write one short \
-                 line a rollout",
+                "it wrote a line of more than {MAX_BYTES} bytes, which begins with `{}`: write one short \
+                 line per rollout",
                 words(&self.heard)
             ));
         }
@@ -174,7 +174,7 @@ impl Process {
 
     fn too_much(&self) -> String {
         format!(
-            "it said `{}` after its answer: write exactly one line a rollout to standard output, and \
+            "it wrote `{}` after its reply: write exactly one line per rollout to standard output, and \
              everything else to standard error",
             words(&self.heard)
         )

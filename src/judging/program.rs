@@ -1,7 +1,7 @@
-//! A program that judges: asked about every rollout, started anew when it fails, given up after a few times.
+//! A judge program: it gets a request per rollout, is restarted when it fails, and abandoned after a few failures.
 //!
-//! Its answer depends on nothing but the request, so asking again changes no trial. It is a child of the
-//! learner, and the loop knows nothing of it.
+//! Its reply depends only on the request, so repeating a request changes no trial. It is a child of the
+//! learner, and independent of the loop.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -20,11 +20,11 @@ use crate::config::JudgeConfig;
 use crate::config::judge::absolute;
 use crate::session_folder::SessionFolder;
 
-/// The longest wait for an answer before the learner looks around.
+/// The longest wait for a reply before the learner does other work.
 const STEP: Duration = Duration::from_millis(50);
 /// Failures at one rollout after which the program is given up.
 const ATTEMPTS: u32 = 3;
-/// What the program may take to end by itself, once it is no longer needed.
+/// Time for the program to end by itself, once it is no longer needed.
 const TO_END: Duration = Duration::from_secs(1);
 
 pub struct Program {
@@ -143,7 +143,7 @@ impl Settings {
         Ok(Asked { header: *header, request, failures: 0, since: None, answer: None })
     }
 
-    /// Asks, or goes on waiting for a moment. The error is what the program did wrong.
+    /// Sends the request, or keeps waiting briefly. The error is the program's mistake.
     fn attempt(
         &self,
         process: &mut Option<Process>,
@@ -165,7 +165,7 @@ impl Settings {
         match line {
             Some(line) => parse(&line, asked.header.rollout, &self.own).map(Some),
             None if since.elapsed() >= self.timeout => Err(format!(
-                "it gave no answer within {} s: end every answer with a newline, flush it, and raise \
+                "it did not reply within {} s: end every reply with a newline, flush it, and raise \
                  task.judge.timeout_s if it needs longer",
                 self.timeout.as_secs_f64()
             )),
@@ -177,26 +177,26 @@ impl Settings {
         let now = command::identity(&self.words, &self.folder);
         if now != self.identity {
             return Err(format!(
-                "it was changed while the session went on: resume the session to go on with {now}"
+                "it was changed during the session: resume the session to use {now}"
             ));
         }
         Process::start(&self.words, &self.folder, &self.log)
             .map_err(|error| format!("it cannot be started in {}: {error}", self.folder.display()))
     }
 
-    /// Ends the program, which is started anew when the rollout is handed in again; or gives it up.
+    /// Ends the program, which is restarted when the rollout is submitted again; or abandons it.
     fn failed(&self, process: &mut Option<Process>, asked: &mut Asked, words: &str) -> AssessError {
         let last_words = process.as_mut().and_then(Process::last_words);
         let last_words =
-            last_words.map_or(String::new(), |line| format!("; its last words were `{line}`"));
+            last_words.map_or(String::new(), |line| format!("; its last output was `{line}`"));
         *process = None;
         asked.since = None;
         asked.failures += 1;
         let (rollout, command) = (asked.header.rollout, self.words.join(" "));
         if asked.failures < ATTEMPTS {
             tracing::warn!(
-                "rollout {rollout}: the judge `{command}` failed: {words}{last_words}; started anew and asked \
-                 again"
+                "rollout {rollout}: the judge `{command}` failed: {words}{last_words}; restarted, request \
+                 repeated"
             );
             return AssessError::NotYet;
         }

@@ -1,4 +1,4 @@
-//! How the learning of a cell goes, for its metrics: what a learner tells everybody.
+//! Progress of a cell's learning for its metrics, from the learner's messages.
 
 use std::time::{Duration, Instant};
 
@@ -27,7 +27,7 @@ impl Learning {
         }
     }
 
-    /// Takes what was told since the last time. What cannot be heard now is told again later.
+    /// Reads the messages since the last call. Missed ones are resent later.
     pub fn listen(&mut self) {
         // Services that were made anew have other ports.
         self.ports = self.ports.take().filter(ObserverPorts::is_current);
@@ -51,7 +51,7 @@ impl Learning {
         tick.into_iter().chain(trial)
     }
 
-    /// What was measured of the newest trial.
+    /// Measures of the newest trial.
     pub fn measures(&self) -> Option<&Measures> {
         self.session.measures.as_ref()
     }

@@ -34,7 +34,7 @@ impl Line {
     fn first(&mut self) -> Result<PlantState> {
         match self.line.socket().receive(&mut self.buffer, PATIENCE)? {
             Some(Message::State(state)) => Ok(*state),
-            Some(other) => bail!("it sent another message than its first sample: {other:?}"),
+            Some(other) => bail!("expected its first sample, got {other:?}"),
             None => bail!("no sample within {} s", PATIENCE.as_secs()),
         }
     }
@@ -56,7 +56,7 @@ impl Line {
             match message.context("receiving a sample")? {
                 Some(Message::State(state)) => return Ok(Some(*state)),
                 Some(Message::Outcome(PlantOutcome { .. })) => {}
-                Some(other) => bail!("it sent another message than a sample: {other:?}"),
+                Some(other) => bail!("expected a sample, got {other:?}"),
                 None if left.is_zero() => return Ok(None),
                 None => {}
             }
@@ -102,11 +102,7 @@ impl Line {
         self.command(self.state.seq, MODE_RESET, &JointVector::zeros())?;
         self.state = self.sample()?;
         if self.state.episode != self.episode {
-            bail!(
-                "it answered with episode {}, {} was asked for",
-                self.state.episode,
-                self.episode
-            );
+            bail!("it replied with episode {} instead of {}", self.state.episode, self.episode);
         }
         Ok(self.state)
     }

@@ -147,7 +147,7 @@ fn meet(
             bail!(program.obituary(status));
         }
     }
-    bail!("no plant came within {} s: start it with this cell's name", TO_COME.as_secs())
+    bail!("no plant connected within {} s: start it with this cell's name", TO_COME.as_secs())
 }
 
 /// Hello, Welcome and the first sample.
@@ -196,7 +196,7 @@ fn notices_the_end(bench: &mut Bench, listener: &Listener, mut program: Option<&
     let start = Instant::now();
     while start.elapsed() < TO_NOTICE {
         if matches!(listener.accept(Duration::from_millis(50)), Ok(Some(_))) {
-            return bench.note("a controller that dies", true, "it looks for the next one");
+            return bench.note("a controller that dies", true, "it reconnects to the next one");
         }
         if let Some(program) = &mut program
             && matches!(program.exited(), Ok(Some(_)))
@@ -213,9 +213,9 @@ fn notices_the_end(bench: &mut Bench, listener: &Listener, mut program: Option<&
         Some(_) => bench.note(
             "a controller that dies",
             false,
-            format!("it goes on after {} s as if nothing were", TO_NOTICE.as_secs()),
+            format!("it has not noticed after {} s", TO_NOTICE.as_secs()),
         ),
-        None => bench.skip("a controller that dies", "seen with --program only"),
+        None => bench.skip("a controller that dies", "tested only with --program"),
     }
 }
 

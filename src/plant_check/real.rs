@@ -38,7 +38,7 @@ pub fn check(bench: &mut Bench, mut line: Line) -> Result<()> {
     let is_on_time = (p50 as f64 / bench.period_ns as f64 - 1.0).abs() < PERIOD;
     let rate = bench.samples as f64 / wall;
     let detail = format!(
-        "{:.1} µs (p50), {:.1} µs (p99) by its clock; {rate:.0} a second by ours",
+        "{:.1} µs (p50), {:.1} µs (p99) by its clock; {rate:.0} per second by ours",
         p50 as f64 / 1e3,
         p99 as f64 / 1e3
     );
@@ -63,7 +63,7 @@ fn silence(bench: &mut Bench, line: &mut Line) -> Result<()> {
         line.state = line.sample()?;
     }
     let counted = line.state.n_unanswered - unanswered;
-    let detail = format!("{counted} of {SILENCE} samples without an answer counted");
+    let detail = format!("{counted} of {SILENCE} samples without a reply counted");
     bench.note("a missing answer", counted >= SILENCE, detail);
     let moved = (q(&line.state) - start).amax();
     bench.note("it holds itself", moved < STILL, format!("it moved by {moved:.4} rad meanwhile"));

@@ -49,8 +49,12 @@ pub fn check(bench: &mut Bench, mut line: Line, hello: &PlantHello) -> Result<()
         (_, Ok(true)) => {
             bench.note("determinism", true, "equal torques, equal samples, bit for bit")
         }
-        (true, Ok(false)) => bench.note("determinism", false, "it says so, but samples differ"),
-        (false, Ok(false)) => bench.skip("determinism", "it does not say so, and samples differ"),
+        (true, Ok(false)) => {
+            bench.note("determinism", false, "declared deterministic, but samples differ")
+        }
+        (false, Ok(false)) => {
+            bench.skip("determinism", "not declared deterministic, and samples differ")
+        }
     }
     rates(bench, &mut line.round_trips);
     Ok(())
@@ -93,7 +97,7 @@ fn ignores_signs_of_life(bench: &Bench, line: &mut Line) -> Outcome {
         line.sign_of_life()?;
     }
     if line.within(Duration::from_millis(100))?.is_some() {
-        return Ok((false, "it stepped although there was no torque".into()));
+        return Ok((false, "it stepped without a torque".into()));
     }
     line.step(&gravity(bench, &line.state))?;
     Ok((true, "time stands still".into()))
@@ -103,10 +107,10 @@ fn ignores_foreign_answers(bench: &Bench, line: &mut Line) -> Outcome {
     let limits = bench.model.limits().tau_max;
     line.answer_to(line.state.seq.wrapping_sub(1), &limits)?;
     if line.within(Duration::from_millis(100))?.is_some() {
-        return Ok((false, "it took an answer to the sample before".into()));
+        return Ok((false, "it accepted a reply to the previous sample".into()));
     }
     line.step(&gravity(bench, &line.state))?;
-    Ok((true, "an answer to another sample is dropped".into()))
+    Ok((true, "a reply to another sample is dropped".into()))
 }
 
 fn is_held(bench: &Bench, line: &mut Line) -> Outcome {
@@ -149,7 +153,7 @@ fn moves_as_the_model(bench: &Bench, line: &mut Line) -> Outcome {
         }
     }
     let name = &model.joint_names()[worst.1];
-    Ok((true, format!("as the model within {:.1} % ({name} is farthest)", worst.0 * 100.0)))
+    Ok((true, format!("matches the model within {:.1} % (worst: {name})", worst.0 * 100.0)))
 }
 
 fn survives_its_limits(bench: &Bench, line: &mut Line) -> Outcome {
@@ -169,7 +173,7 @@ fn survives_its_limits(bench: &Bench, line: &mut Line) -> Outcome {
 fn waits(bench: &Bench, line: &mut Line) -> Outcome {
     let before = line.state;
     if let Some(state) = line.within(PAUSE)? {
-        return Ok((false, format!("it went on to sample {} without an answer", state.seq)));
+        return Ok((false, format!("it went on to sample {} without a reply", state.seq)));
     }
     let now = line.step(&gravity(bench, &before))?;
     let passed = now.t_ns - before.t_ns;
@@ -201,7 +205,7 @@ fn rates(bench: &mut Bench, round_trips: &mut [Duration]) {
     };
     let rate = round_trips.len() as f64 / round_trips.iter().sum::<Duration>().as_secs_f64();
     let detail = format!(
-        "{:.0} steps a second; a step takes {:.0} µs (p50), {:.0} µs (p99)",
+        "{:.0} steps per second; a step takes {:.0} µs (p50), {:.0} µs (p99)",
         rate,
         at(0.5),
         at(0.99)

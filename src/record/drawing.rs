@@ -22,7 +22,7 @@ const STEEL: [f64; 4] = [0.62, 0.65, 0.70, 1.0];
 const SPRING: [f64; 4] = [0.16, 0.47, 0.84, 0.35];
 const TARGET: [f64; 4] = [0.84, 0.22, 0.16, 0.9];
 const STRING: [f64; 4] = [0.45, 0.45, 0.45, 1.0];
-/// Of the string, m.
+/// Thickness of the string, m.
 const STRING_THICKNESS_M: f64 = 0.004;
 
 /// Draws one arm with what it carries.

@@ -1,7 +1,7 @@
 //! Recordings as MCAP files: bounded in size, whole after a crash.
 //!
 //! A file in the making is called `NAME.mcap.part` and locked. It holds complete chunks up to the last
-//! second; when its writer dies, whoever records next into the folder makes a whole file of them.
+//! second; when its writer dies, the next recorder in the folder repairs the file.
 
 use std::fs::{self, File};
 use std::io::{BufWriter, Seek, SeekFrom, Write};
@@ -19,10 +19,10 @@ use super::recover::recover;
 const PART: &str = "part";
 /// So much is lost at most when the process is killed.
 const FLUSH: Duration = Duration::from_secs(1);
-/// Of zstd: what a core does in passing at 1 kHz.
+/// zstd level that costs a core little at 1 kHz.
 const COMPRESSION_LEVEL: u32 = 9;
 
-/// A counting writer: the library tells nobody how much it has written.
+/// A counting writer, since the library does not expose how much it has written.
 struct Counted {
     file: BufWriter<File>,
     bytes: Arc<AtomicU64>,
@@ -130,7 +130,7 @@ pub fn recover_left(dir: &Path) -> Result<Vec<PathBuf>> {
             continue;
         }
         let Ok(file) = File::open(&left) else { continue };
-        // Locked: somebody is still at it.
+        // Locked: its recorder is still running.
         if flock(&file, FlockOperation::NonBlockingLockExclusive).is_err() {
             continue;
         }

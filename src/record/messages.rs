@@ -61,7 +61,7 @@ recorded! {
         "19" [uint32, optional] wakeup_us: Option<u32>,
         "20" [uint32, optional] tick_ns: Option<u32>,
         "21" [uint64] deadlines_missed: u64,
-        /// Of the policy in the loop.
+        /// Digest of the policy in the loop.
         "22" [uint64] policy_digest: u64,
     }
 }
@@ -69,7 +69,7 @@ recorded! {
 recorded! {
     /// One spring of a policy.
     pub struct Spring {
-        /// Of its activation: s, or the decay's phase.
+        /// Centre of its activation: s, or the decay's phase.
         "1" [double] center: f64,
         "2" [double] width: f64,
         "3" [double, repeated] attractor_m_rad: Vec<f64>,
@@ -82,11 +82,11 @@ recorded! {
     /// One linear system of a policy: its Gaussian, and Aᵢ and bᵢ of Eq. (2).
     pub struct System {
         "1" [double] log_prior: f64,
-        /// Of what drives the activations: s, the decay's phase, or the learnt coordinates.
+        /// Mean of what drives the activations: s, the decay's phase, or the learnt coordinates.
         "2" [double, repeated] center: Vec<f64>,
         /// Packed lower triangle by rows.
         "3" [double, repeated] covariance: Vec<f64>,
-        /// Of the learnt coordinates, by rows.
+        /// Matrices over the learnt coordinates, by rows.
         "4" [double, repeated] of_position: Vec<f64>,
         "5" [double, repeated] of_velocity: Vec<f64>,
         "6" [double, repeated] of_drive: Vec<f64>,
@@ -106,7 +106,7 @@ recorded! {
         "7" [double] decay_per_s: f64,
         "8" [double] damping_per_s: f64,
         "9" [message, repeated] springs: Vec<Spring>,
-        /// Of a task without arm.
+        /// The action of a task without an arm.
         "10" [double, repeated] action: Vec<f64>,
         /// ζ: where it is not 0, spring i damps with 2ζ Kᵢ^½ instead.
         "11" [double] damping_ratio: f64,
@@ -118,7 +118,7 @@ recorded! {
         "15" [double] following_per_s: f64,
         /// Errors of orientation: 0 differences of rotation vectors, 1 rotations.
         "16" [uint32] orientation: u32,
-        /// Of systems: x, y, z, pitch, roll, yaw.
+        /// The target of systems: x, y, z, pitch, roll, yaw.
         "17" [double, repeated] target_m_rad: Vec<f64>,
     }
 }
@@ -206,7 +206,7 @@ fn schema(message: &str) -> Schema {
     Schema::new(format!("{PACKAGE}.{message}"), "protobuf", set.encode_to_vec())
 }
 
-/// Of all of them.
+/// The descriptors of all messages.
 fn descriptors() -> Vec<DescriptorProto> {
     vec![
         Tick::descriptor(),

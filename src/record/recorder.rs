@@ -1,4 +1,4 @@
-//! Records a running cell: everything its channels tell, at full rate, into bounded files.
+//! Records all channels of a running cell at full rate into files of bounded size.
 
 use std::path::{Path, PathBuf};
 
@@ -65,7 +65,7 @@ impl Recorder {
         })
     }
 
-    /// Writes down what was seen.
+    /// Writes what was received.
     pub fn write(&mut self, seen: Seen) -> Result<()> {
         match (&mut self.early, seen) {
             (_, Seen::Tick(tick, at_ns)) => return self.tick(&tick, at_ns),
@@ -88,8 +88,8 @@ impl Recorder {
             }
             Seen::Measures(news) => self.scribe.measures(&Measures::from(&**news)),
             Seen::Lost(ticks) => self.scribe.warn(format!("{ticks} ticks were not seen")),
-            Seen::ControllerGone => self.scribe.warn("the controller has gone".into()),
-            Seen::ControllerBack => self.scribe.warn("a controller is there again".into()),
+            Seen::ControllerGone => self.scribe.warn("the controller is gone".into()),
+            Seen::ControllerBack => self.scribe.warn("the controller is back".into()),
         }
     }
 

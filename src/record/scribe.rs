@@ -48,10 +48,10 @@ pub struct Scribe {
     measures: Channel<Measures>,
     mixtures: Channel<Mixture>,
     logs: Channel<Log>,
-    /// Of a task with an arm.
+    /// What to draw, for a task with an arm.
     drawing: Option<Drawing>,
     known: VecDeque<LoopPolicy>,
-    /// Of the newest tick: what has no time of its own is written at it.
+    /// Time of the newest tick, used for messages without their own time.
     now_ns: u64,
 }
 

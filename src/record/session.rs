@@ -22,7 +22,7 @@ const GAP: Duration = Duration::from_millis(500);
 
 pub struct SessionRecorder {
     recorder: Recorder,
-    /// Of the rollout that was recorded last.
+    /// Session of the last recorded rollout.
     session: u64,
     policy_digest: u64,
 }

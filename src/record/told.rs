@@ -43,7 +43,7 @@ impl From<&PolicyMsg> for Policy {
 }
 
 impl System {
-    /// Of `d` learnt coordinates and a drive of `drive_dim`.
+    /// The message of a system with `d` learnt coordinates and a drive of `drive_dim`.
     fn of(system: &LinearSystem, d: usize, drive_dim: usize) -> System {
         let block =
             |entry: &dyn Fn(usize, usize) -> f64| (0..d * d).map(|k| entry(k / d, k % d)).collect();
@@ -73,7 +73,7 @@ impl From<&EpisodeHeader> for Outcome {
 }
 
 impl Measures {
-    /// Of the rollout that `trial` tells of.
+    /// The measures of the rollout of `trial`.
     pub fn of(trial: &Trial, measures: &measures::Measures) -> Measures {
         Measures {
             session: trial.session,
@@ -155,7 +155,7 @@ impl From<&TrialNews> for Trial {
 }
 
 impl Trial {
-    /// Of the learner itself.
+    /// The message of a trial as the learner reports it.
     pub fn new(session: u64, policy_digest: u64, report: &TrialReport) -> Trial {
         Trial {
             session,

@@ -169,8 +169,7 @@ impl Watcher {
     }
 }
 
-/// Waits as long as is good for an observer: often enough to lose nothing, seldom enough to disturb
-/// nobody. A controller at full speed fills the channel in 50 ms.
+/// Waits between two looks: short enough to lose nothing, long enough to disturb no other process. A controller at full speed fills the channel in 50 ms.
 pub fn pause(since: Instant) {
     const PAUSE: Duration = Duration::from_millis(10);
     std::thread::sleep(PAUSE.saturating_sub(since.elapsed()));

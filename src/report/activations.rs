@@ -19,9 +19,10 @@ pub fn figure(data: &ReportData) -> Figure {
     Figure {
         stem: "activations",
         title: "Activations of the attractors",
-        caption: "Weights h<sub>i</sub>(t) of Eq. (2), which sum to one, each with the number of \
-                  its attractor where it is highest. Colours as in the figure of the attractors."
-            .to_owned(),
+        caption:
+            "Weights h<sub>i</sub>(t) of Eq. (2), which sum to one. Each peak is labelled with \
+                  its attractor's number. Colours match the figure of the attractors."
+                .to_owned(),
         rows,
     }
 }

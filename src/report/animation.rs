@@ -82,9 +82,9 @@ pub fn figure(data: &ReportData) -> Figure {
         stem: "motion",
         title: "The flip in motion",
         caption: format!(
-            "Rollout {}, {SLOWER:.0} times slower than it was; dotted: the path of the pancake; \
-             around the pan: the arm's stiffness at that moment, large where it is stiff. \
-             The bodies turn about the viewing axis only.",
+            "Rollout {}, slowed down {SLOWER:.0} times. Dotted: the path of the pancake. Around the \
+             pan: the arm's stiffness at that moment; larger is stiffer. The bodies are shown \
+             turning about the viewing axis only.",
             data.learnt_rollout
         ),
         rows,

@@ -46,10 +46,10 @@ pub fn figure(data: &ReportData) -> Figure {
         stem: "attractors",
         title: "Attractors and path",
         caption: format!(
-            "Side view, both axes to the same scale. The attractors μ<sub>i</sub> are numbered in \
+            "Side view; both axes have the same scale. The attractors μ<sub>i</sub> are numbered in \
              the order of their activation; the springs pull the {} towards their weighted mean \
              Σ<sub>i</sub> h<sub>i</sub> μ<sub>i</sub> (dashed), which it need not reach. Each \
-             ellipse joins the displacements of equal spring energy: wide where the spring is \
+             ellipse connects displacements of equal spring energy: wide where the spring is \
              compliant, and a circle of {:.0}&#8239;mm radius where it has \
              {REFERENCE_STIFFNESS:.0}&#8239;s⁻² in every direction. Grey: the initial \
              policy.{missing}",

@@ -56,8 +56,8 @@ pub fn figure(data: &ReportData) -> Figure {
         title: "Movement over time",
         caption: format!(
             "Rollout {} against the initial policy, which imitates the demonstration. The {} \
-             lags behind its attractor as a spring does; where the springs are soft it follows \
-             least. Dotted lines: {} of the learnt rollout.{initial}",
+             lags behind its attractor like a mass on a spring, most where the springs are \
+             soft. Dotted lines: {} of the learnt rollout.{initial}",
             data.learnt_rollout,
             data.tip,
             if data.is_toss() { "release and crossing" } else { "crossing, where there is one," }

@@ -33,10 +33,10 @@ pub fn figure(data: &ReportData) -> Figure {
         stem: "ellipsoids",
         title: "Stiffness along the path",
         caption: format!(
-            "Side view, both axes to the same scale. Each ellipse is the stiffness \
-             Σ<sub>i</sub> h<sub>i</sub>(t) K<sub>i</sub> in the plane at a moment, drawn where the {tip} \
-             was: the accelerations that answer displacements of one length in all directions, \
-             long where the {tip} is held stiffly. From blue (start) to yellow (end).",
+            "Side view; both axes have the same scale. Each ellipse is the stiffness \
+             Σ<sub>i</sub> h<sub>i</sub>(t) K<sub>i</sub> in the plane at one moment, drawn at the position \
+             of the {tip}: the accelerations caused by displacements of equal length in all \
+             directions; longer is stiffer. Blue is the start, yellow the end.",
             tip = data.tip
         ),
         rows,

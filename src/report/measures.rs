@@ -27,8 +27,8 @@ pub fn figure(data: &ReportData) -> Figure {
     Figure {
         stem: "measures",
         title: "Measures over the rollouts",
-        caption: "Filled points: rollouts that succeeded. A short stroke on the axis marks one of \
-                  which there is no such number."
+        caption: "Filled points: rollouts that succeeded. A short stroke on the axis marks a \
+                  rollout without this measure."
             .into(),
         rows,
     }

@@ -31,22 +31,22 @@ const LINE: f64 = 19.0;
 const LISTED: usize = 8;
 
 pub const LEGEND: [Entry; 2] =
-    [(Key::Line, "learnt", "mode, 1 σ"), (Key::Dot, "dot answer", "the answer")];
+    [(Key::Line, "learnt", "mode, 1 σ"), (Key::Dot, "dot answer", "selected policy")];
 
 /// The trials of a task with many parameters in the plane of their principal axes.
 pub fn figure(data: &ReportData) -> Figure {
     let thetas: Vec<&DVector<f64>> = data.trials.iter().map(|trial| &trial.theta).collect();
     let plane = Principal::of(&thetas);
-    let mut caption = "Trials as dots, filled where they succeeded, in the plane in which \
-                       the policies of the session differ most."
+    let mut caption = "Trials as dots (filled: successes) in the plane in which the policies of \
+                       the session differ most."
         .to_owned();
     if let Some(Principal { shares: [first, second], .. }) = plane {
         let dim = thetas[0].len();
         caption = format!(
-            "The trials in the plane of their first two principal axes, which hold {:.0} and \
+            "The trials in the plane of their first two principal axes, which explain {:.0} and \
              {:.0}&#8239;% of the variance of their {dim} parameters θ (in the scaled units of \
-             the search). Filled: successes. Ellipses: the modes found, one standard deviation \
-             of the search's final distribution about their means; share is the prior.",
+             the search). Filled: successes. Ellipses: the modes found, drawn at one standard \
+             deviation of the search's final distribution; share is the prior.",
             100.0 * first,
             100.0 * second
         );
@@ -59,9 +59,9 @@ pub fn figure(data: &ReportData) -> Figure {
     Figure { stem: "modes", title: "The modes found", caption, rows }
 }
 
-/// The learner writes them when it ends in order.
+/// The message shown until the learner has written the modes, which it does when it ends cleanly.
 pub const NO_MODES: &str =
-    "the session holds no modes yet; `skillet policy modes` works them out and stores them.";
+    "the session has no modes yet; run `skillet policy modes` to compute and store them.";
 
 fn draw(data: &ReportData, plane: &Principal) -> Panel {
     let place = |theta: &DVector<f64>| (plane.project(theta)[0], plane.project(theta)[1]);
@@ -137,7 +137,7 @@ pub fn draw_modes(plot: &mut Plot, modes: &[(Mode, &ModeRow)]) {
 
 fn remark(row: &ModeRow) -> Option<&'static str> {
     match (row.is_answer, row.forbidden) {
-        (true, _) => Some("the answer"),
+        (true, _) => Some("selected policy"),
         (_, true) => Some("forbidden"),
         _ => None,
     }
@@ -189,8 +189,8 @@ mod tests {
         assert_eq!(svg.matches("class=\"dot answer\"").count(), 1 + 1);
         assert_eq!(svg.matches("class=\"number halo\"").count(), data.modes.len());
         assert_eq!(svg.matches("class=\"trial ").count(), 40);
-        assert!(svg.contains("1: share 70 %, best reward 1.20, the answer"));
-        assert!(figure.html(1).contains("<td>the answer</td>"));
+        assert!(svg.contains("1: share 70 %, best reward 1.20, selected policy"));
+        assert!(figure.html(1).contains("<td>selected policy</td>"));
     }
 
     #[test]

@@ -31,9 +31,9 @@ pub fn figure(data: &ReportData) -> Figure {
         stem: "outcomes",
         title: "Outcomes over the rollouts",
         caption: format!(
-            "Filled points: caught flips; dotted lines: half a turn, and the edge of the pan. A \
+            "Filled points: caught flips. Dotted lines: half a turn, and the edge of the pan. A \
              short stroke on the axis marks a rollout whose pancake never crossed the height at \
-             which angle and miss are measured; a miss beyond {:.0}&#8239;cm is drawn there.",
+             which angle and miss are measured. A miss beyond {:.0}&#8239;cm is drawn at that value.",
             MISS_MAX_M * 100.0
         ),
         rows,

@@ -19,11 +19,11 @@ const ACTION: &str = "A policy is a few numbers; the search improves them by tri
 
 const TERMS: &str = "<b>Terms.</b> A <i>rollout</i> is one execution of a policy. The \
     <i>policy</i> is a sequence of attractors, each with a stiffness; they act one after another \
-    and draw the pan along. <i>Release</i> is the moment the pancake leaves the pan, \
+    and pull the pan along. <i>Release</i> is the moment the pancake leaves the pan, \
     <i>apex</i> its highest rise above its start, <i>crossing</i> the moment it falls back to \
     Δ<sub>h</sub> above the pan, where flip angle and distance are measured. The <i>flip angle</i> \
-    lies between the pancake's normals at the start and at the crossing: 180° is half a turn. The \
-    <i>lateral miss</i> is the distance of the two centres in the plane of the pan. In a <i>caught \
+    is the angle between the pancake's normals at the start and at the crossing: 180° is half a turn. The \
+    <i>lateral miss</i> is the distance between the two centres in the plane of the pan. In a <i>caught \
     flip</i> the pancake lies in the pan upside down at the end.";
 
 pub fn html(data: &ReportData, figures: &[Figure]) -> String {

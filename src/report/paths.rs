@@ -17,8 +17,8 @@ pub fn figure(data: &ReportData) -> Figure {
         stem: "paths",
         title: "Movement from the side",
         caption: format!(
-            "Side view, both axes to the same scale. The {} and, dashed, the {} in rollout {}; grey: the {} \
-             in the first rollout, which imitates the demonstration. Dots: where the learnt rollout ends.",
+            "Side view; both axes have the same scale. Solid: the {}; dashed: the {} in rollout {}; grey: the {} \
+             in the first rollout, which imitates the demonstration. Dots mark the end of the learnt rollout.",
             data.tip, data.object, data.learnt_rollout, data.object
         ),
         rows,

@@ -35,9 +35,10 @@ pub fn figure(data: &ReportData, plane: &Plane) -> Figure {
     Figure {
         stem: "solutions",
         title: "Solutions in the plane of the policy parameters",
-        caption: "Shades: reward of every policy, which the search does not know. Open dots: the \
-                  trials. Ellipses at one standard deviation: the modes found, about their policies."
-            .into(),
+        caption:
+            "Shades: reward of every policy, unknown to the search. Open dots: trials. Ellipses: \
+                  the modes found, at one standard deviation around their policies."
+                .into(),
         rows,
     }
 }

@@ -8,7 +8,7 @@ use search::Mode;
 pub struct Principal {
     mean: DVector<f64>,
     axes: DMatrix<f64>,
-    /// Of the variance of the trials, along each axis.
+    /// Shares of the trials' variance along each axis.
     pub shares: [f64; 2],
 }
 

@@ -46,7 +46,7 @@ pub fn figure(data: &ReportData) -> Figure {
              among the last 10 rollouts."
         }
         Pictures::Toss => {
-            "Every rollout earns a reward for flip angle, nearness of pan and pancake, and height. \
+            "Each rollout is rewarded for flip angle, closeness of pan and pancake, and height. \
              One point per rollout, filled where the pancake was flipped and caught. Below: the \
              share of caught flips among the last 10 rollouts."
         }

@@ -45,7 +45,7 @@ pub fn figure(data: &ReportData) -> Figure {
         title: "Learnt stiffness",
         caption: "Diagonal entries of the stiffness Σ<sub>i</sub> h<sub>i</sub>(t) K<sub>i</sub> \
                   over the execution; its unit is s⁻² because Eq. (5) of the paper commands an \
-                  acceleration. The numbers at the top stand where an attractor is most active."
+                  acceleration. The numbers at the top mark where each attractor is most active."
             .to_owned()
             + if data.is_toss() { EVENTS } else { "" },
         rows,

@@ -37,9 +37,9 @@ pub fn figure(data: &ReportData) -> Figure {
         stem: "flip",
         title: "The flip",
         caption: format!(
-            "Rollout {} from the side, the robot at the left; all frames to the same scale, \
-             heights in m. The pancake's original top is light and carries its normal V; its path \
-             is dotted, and solid as far as it has come. Crossing: it falls back to \
+            "Rollout {} from the side, with the robot on the left. All frames have the same scale; \
+             heights are in m. The pancake's original top is light and carries its normal V. Its \
+             path is dotted, and solid up to the current moment. Crossing: it falls back to \
              Δ<sub>h</sub> above the pan.{flight}",
             data.learnt_rollout
         ),

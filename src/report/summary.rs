@@ -38,7 +38,7 @@ pub fn verdict(data: &ReportData) -> String {
     )
 }
 
-/// The same of a task without an arm: "2 solutions after 200 rollouts; best reward 0.981
+/// The verdict on a task without an arm: "2 solutions after 200 rollouts; best reward 0.981
 /// (rollout 154)."
 pub fn solutions(data: &ReportData) -> String {
     let Some(best) = best(&data.trials) else {
@@ -57,14 +57,14 @@ pub fn solutions(data: &ReportData) -> String {
     )
 }
 
-/// Which of them were no draws of the search.
+/// How many of the trials executed the mean instead of a draw, in words.
 fn means(trials: &[TrialRow]) -> String {
     let means = || trials.iter().filter(|trial| trial.is_mean);
     match means().count() {
         0 => String::new(),
         n => {
             let successes = means().filter(|trial| trial.success).count();
-            format!(" ({n} of them executed the mean itself, {successes} succeeded)")
+            format!(" ({n} of them executed the mean, {successes} succeeded)")
         }
     }
 }
@@ -81,7 +81,7 @@ fn rollouts(n: usize) -> String {
     if n == 1 { "1 rollout".to_owned() } else { format!("{n} rollouts") }
 }
 
-/// Both tables; of a task without an arm the session's alone.
+/// Both tables; for a task without an arm, only the session's.
 pub fn tables(data: &ReportData) -> String {
     let (session, trial) = (session_rows(data), trial_rows(data));
     let caption = if data.trials.iter().any(|trial| trial.success) {
@@ -120,7 +120,7 @@ fn session_rows(data: &ReportData) -> Vec<(String, String)> {
     rows
 }
 
-/// What was measured of the best trial; nothing that was not.
+/// The measures of the best trial that exist.
 fn trial_rows(data: &ReportData) -> Vec<(String, String)> {
     let trial = data.trials.iter().find(|trial| trial.rollout == data.learnt_rollout);
     let Some(trial) = trial else { return Vec::new() };
@@ -146,13 +146,13 @@ const AT_RELEASE: [Shown; 3] = [
 const AT_CROSSING: [Shown; 6] = [
     ("crossing_time_s", "crossing at", 1.0, 2, " s"),
     ("flip_angle_rad", "flip angle", DEGREES, 0, "°"),
-    ("distance_m", "distance of pan and pancake", 100.0, 1, " cm"),
+    ("distance_m", "distance between pan and pancake", 100.0, 1, " cm"),
     ("lateral_m", "lateral miss", 100.0, 1, " cm"),
     ("final_lateral_m", "final offset in the pan", 100.0, 1, " cm"),
     ("bounce_s", "bouncing", 1e3, 0, " ms"),
 ];
 
-/// Of a toss, in the order in which it happens.
+/// The rows of a toss, in order of time.
 fn toss_rows(measures: &Measures) -> Vec<(String, String)> {
     let mut rows = Vec::new();
     let mut add = |shown: &[Shown]| {

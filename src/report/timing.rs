@@ -9,16 +9,14 @@ use crate::draw::plot::fixed;
 
 const SHARES: [(f64, &str); 3] = [(0.5, "p50"), (0.99, "p99"), (0.999, "p99.9")];
 
-/// Of the loops of a session, one a pace, or why there are none.
+/// The figures of a session's loops, one loop per pace, or the reason why there are none.
 pub fn figures(loops: &Result<Vec<LoopTiming>, String>) -> [Figure; 2] {
     let paced: Result<Vec<&LoopTiming>, String> = match loops {
         Err(missing) => Err(missing.clone()),
         Ok(loops) => Ok(loops.iter().filter(|timing| timing.pace == Pace::Realtime).collect()),
     };
     let wakeup = paced.and_then(|loops| match loops.is_empty() {
-        true => Err("at full speed the loop waits for no deadline, and there is no wake-up \
-                     (--pace realtime has one)."
-            .into()),
+        true => Err("Not measured: rerun with `--pace realtime`.".into()),
         false => Ok(rows("wake-up", &loops, |timing| &timing.wakeup)),
     });
     let tick = loops.as_ref().map_err(Clone::clone);
@@ -27,17 +25,18 @@ pub fn figures(loops: &Result<Vec<LoopTiming>, String>) -> [Figure; 2] {
         Figure {
             stem: "wakeup",
             title: "Wake-up latency",
-            caption: "From each deadline to the moment the loop runs; both axes logarithmic. A \
-                      deadline is missed when the loop comes a whole period late."
+            caption: "Time from each deadline until the loop runs; both axes are logarithmic. A \
+                      deadline is missed when the loop is a whole period late."
                 .into(),
             rows: wakeup,
         },
         Figure {
             stem: "tick",
             title: "Duration of a tick",
-            caption: "From the measurement to the torque, without the simulation; both axes \
-                      logarithmic. All runs of the session whose controller ended in order; at full \
-                      speed a part of the ticks, as the loop does not wait for who counts them."
+            caption: "Time from the measurement to the torque, without the simulation; both axes are \
+                      logarithmic. Covers all runs of the session whose controller ended cleanly. At \
+                      full speed only a sample of ticks is counted; the loop never waits for the \
+                      recorder."
                 .into(),
             rows: tick,
         },
@@ -120,7 +119,7 @@ mod tests {
     #[test]
     fn says_why_there_is_no_wake_up_at_full_speed() {
         let [wakeup, tick] = figures(&Ok(vec![timing(Pace::Max)]));
-        assert!(wakeup.html(1).contains("waits for no deadline") && wakeup.svg().is_none());
+        assert!(wakeup.html(1).contains("Not measured: rerun") && wakeup.svg().is_none());
         assert!(tick.svg().is_some());
     }
 

@@ -28,7 +28,7 @@ pub struct Conversion {
     bag: Bag,
     arm: Option<Arm>,
     policies: Topic<Text>,
-    /// Of a recording with warnings.
+    /// The log topic of a recording with warnings.
     logs: Option<Topic<Log>>,
 }
 

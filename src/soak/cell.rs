@@ -96,7 +96,7 @@ impl SoakCell {
         Process::start(verb, &[&common[..], &[config.as_os_str()], more].concat(), &self.dir)
     }
 
-    /// The session of this seed that nobody disturbs; run when it is first asked for.
+    /// The undisturbed session of this seed; run when first needed.
     pub fn reference(&self, seed: u64) -> Result<PathBuf> {
         let folder = self.dir.join(format!("undisturbed-{seed}"));
         if !folder.join("report").exists() {

@@ -30,7 +30,7 @@ const PEACE: Duration = Duration::from_millis(20);
 const START_UP_MS: std::ops::Range<u64> = 0..40;
 /// How long an observer lives before it is killed, and how long it stalls before that, ms.
 const OBSERVED_MS: std::ops::Range<u64> = 0..150;
-/// Out of ten events: kills, swaps, onlookers; the others are observers that are killed.
+/// Out of ten events: kills, swaps, observers; the rest are observers that are killed.
 const KILLS: u32 = 6;
 const SWAPS: u32 = 8;
 const ONLOOKERS: u32 = 9;

@@ -1,4 +1,4 @@
-//! What a process that nobody kills holds: memory and file descriptors.
+//! Resources of a process that is never killed: memory and file descriptors.
 
 use std::time::{Duration, Instant};
 
@@ -28,8 +28,8 @@ pub struct Held {
 }
 
 impl Held {
-    /// Of a process whose clients have gone: the fewest files within [`REST`], after which it has
-    /// closed what it held of them.
+    /// Resources of a process whose clients are gone: the fewest files within [`REST`], after which it has
+    /// closed their files.
     pub fn at_rest(pid: u32) -> Result<Held> {
         let until = Instant::now() + REST;
         let mut files = open_files(pid)?;

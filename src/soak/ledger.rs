@@ -1,4 +1,4 @@
-//! Who got which episode: the controllers' logs against the session's store.
+//! Account of all episodes: the controllers' logs against the session's store.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -7,7 +7,7 @@ use anyhow::{Context, Result};
 use learner::store::{Store, TrialRecord};
 use serde_json::Value;
 
-/// What a controller says when an episode is durable; see `rt-controller/src/disk/spool.rs`.
+/// Log message of a controller when an episode is durable; see `rt-controller/src/disk/spool.rs`.
 const DURABLE: &str = "episode is durable";
 
 /// Episodes of the sessions of one cell.
@@ -34,7 +34,7 @@ impl Ledger {
         self.foreign += other.foreign;
     }
 
-    /// Of the session in `folder`; `log` is that of all the cell's controllers.
+    /// The ledger of the session in `folder`; `log` is that of all the cell's controllers.
     pub fn of(folder: &Path, log: &Path) -> Result<Ledger> {
         let store = Store::open(&folder.join("session.db"))?;
         let durable = durable_episodes(log, store.meta().session_id)?;

@@ -39,7 +39,7 @@ const PROGRESS: Duration = Duration::from_secs(10);
 pub struct Plan {
     /// As long as the kills take when absent.
     pub time: Option<Duration>,
-    /// Of each kind, in each cell.
+    /// Kills of each kind, in each cell.
     pub kills: Option<u64>,
     pub rollouts: u64,
     pub seed: u64,

@@ -1,4 +1,4 @@
-//! The operator of a cell whose plant may die: sees that the arm is held, and re-arms it.
+//! The operator of a cell whose plant may die: checks that the arm is held, and re-arms it.
 
 use std::time::{Duration, Instant};
 
@@ -9,7 +9,7 @@ use shm_types::command::{COMMAND_REARM, Command, PLANT_ABSENT};
 use super::tally::Rearms;
 use crate::bench::service::Commander;
 
-/// Nothing may take so long.
+/// Timeout of every step.
 const PATIENCE: Duration = Duration::from_secs(30);
 /// Between two looks at the status while the time is taken.
 const GLANCE: Duration = Duration::from_millis(1);
@@ -25,8 +25,8 @@ impl Operator {
         Ok(Operator { commander: Commander::open(cell)? })
     }
 
-    /// Waits until the controller's status says that the arm is held. Nobody may re-arm it then: the plant
-    /// is dead.
+    /// Waits until the controller's status says that the arm is held. A re-arm must then be refused, since the
+    /// plant is dead.
     pub fn see_hold(&mut self, killed: Instant) -> Result<Duration> {
         while self.commander.status()?.latched_fault == 0 {
             if killed.elapsed() > PATIENCE {

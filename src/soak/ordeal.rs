@@ -1,4 +1,4 @@
-//! What a cell endures: which of its services are killed, alone and at once.
+//! The services of a cell that are killed, alone and together.
 
 /// A service of a cell; the order is that in which they are started.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -94,7 +94,7 @@ impl Ordeal {
         self.services().contains(&Role::Plant)
     }
 
-    /// Nobody kills it.
+    /// It is never killed.
     pub fn spares(self, role: Role) -> bool {
         !self.kills().iter().any(|kill| kill.contains(&role))
     }

@@ -99,7 +99,7 @@ impl Process {
                 Ok(line) if line == word => return Ok(Some(self.started.elapsed())),
                 Ok(_) => continue,
                 Err(RecvTimeoutError::Timeout) => {}
-                Err(RecvTimeoutError::Disconnected) => bail!("nobody listens to the service"),
+                Err(RecvTimeoutError::Disconnected) => bail!("the service's socket is closed"),
             }
             match self.service.exited()? {
                 Some(status) if status.success() => return Ok(None),

@@ -7,13 +7,13 @@ use serde_json::{Map, Value, json};
 use super::ordeal::{Ordeal, kill_name};
 use super::tally::Tally;
 
-/// Growth of a process nobody kills that is still called flat.
+/// Growth of a process that still counts as flat.
 const FLAT: f64 = 0.02;
 
 pub struct Summary {
     pub wall: Duration,
     pub cells: Vec<(Ordeal, Tally)>,
-    /// What did not come back, or answer, or end in order.
+    /// Processes that did not come back, respond or end cleanly.
     pub failures: Vec<String>,
     /// Shared memory and locks that should be gone.
     pub left_over: Vec<String>,
@@ -59,7 +59,7 @@ impl Summary {
             text += &format!("FAILED: {reason}\n");
         }
         if self.is_good() {
-            text += "good: nothing lost, nothing twice, every session as if undisturbed\n";
+            text += "passed: nothing lost or duplicated, every session identical to an undisturbed one\n";
         }
         text
     }
@@ -117,7 +117,7 @@ fn cell_text(ordeal: Ordeal, tally: &Tally) -> String {
         );
     }
     text += &format!(
-        "  sessions    {}, {} different from an undisturbed one; {} swaps, {} onlookers, \
+        "  sessions    {}, {} different from an undisturbed one; {} swaps, {} observers, \
          {} observers killed\n\
          \x20 episodes    {} produced, {} learnt, {} duplicated, {} lost, {} foreign\n",
         tally.sessions,

@@ -12,7 +12,7 @@ use super::ordeal::{Kill, Ordeal, Role, kill_name};
 #[derive(Clone, Debug, Default)]
 pub struct RoleTally {
     pub kills: u64,
-    /// Of these, within the first moments after the start.
+    /// Kills within the first moments after the start.
     pub at_start: u64,
     /// From a start until the service did its work: a controller answers, a plant is let in, a learner
     /// has its controller.
@@ -50,7 +50,7 @@ pub struct Tally {
     /// Sessions that are not those of an undisturbed run.
     pub different: u64,
     pub ledger: Ledger,
-    /// Of a controller that nobody kills.
+    /// Footprint of a controller that is never killed.
     pub footprint: Footprint,
 }
 

@@ -27,7 +27,7 @@ pub const N_SETTINGS: u64 = 40;
 pub struct Ranges {
     pub initial_std: [f64; 2],
     pub floor_std: [f64; 2],
-    /// Of random search, which never narrows.
+    /// Standard deviations of random search, which never narrows.
     pub random_std: [f64; 2],
     pub restart_std: [f64; 2],
     /// Trials a batch, and trials before the first update of PoWER.

@@ -31,7 +31,7 @@ const CASES: [(u64, usize, usize); 8] = [
 const REPETITIONS: usize = 9;
 /// Trials of a long session.
 const LONG: u64 = 10_000;
-/// Of one that learns from measures.
+/// Trials of a search that learns from measures.
 const AIM_TRIALS: u64 = 100;
 
 pub fn run_seed(seed: u64) -> Result<Vec<Sample>> {

@@ -94,7 +94,7 @@ pub struct Push {
     in_the_air: usize,
     /// The tick with which it begins, once that is known.
     first: Option<usize>,
-    /// Of the tip in each tick, m.
+    /// Height of the tip in each tick, m.
     pub heights: Vec<f64>,
 }
 

@@ -310,7 +310,7 @@ impl Bench {
         problem.decode(theta, Default::default())
     }
 
-    /// Of the policy θ on `plant`.
+    /// Records of the policy θ on `plant`.
     pub fn records<P: Plant>(
         &self,
         problem: &Problem,

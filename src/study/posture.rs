@@ -54,7 +54,7 @@ pub fn run_seed(seed: u64) -> Result<Vec<Sample>> {
     Ok(samples)
 }
 
-/// What the controller says to a posture while it serves the answer.
+/// The controller's verdict on a posture while it serves the selected policy.
 fn is_admitted(bench: &Bench, (problem, theta): &Answer, to: &PostureMove) -> Result<bool> {
     let (q0, config) = (bench.config.plant.start_posture(), &bench.config.controller);
     let policy = admit(&bench.policy(problem, theta), &bench.arm, config)?;

@@ -16,7 +16,7 @@ use crate::config::Config;
 
 /// Stream of the rater's errors, beyond those of the worlds.
 const ERRORS: u64 = 6 << 32;
-/// Of a rating, the part that a catch is worth; the turn is worth the rest.
+/// Part of a rating for the catch; the rest is for the turn.
 const CATCH: f64 = 5.0;
 
 /// Who judges.
@@ -66,7 +66,7 @@ fn run(case: &Case, seed: u64) -> Result<Vec<Sample>> {
         let (success, reward) = case.people.weigh((judged.1, judged.2), rating);
         Ok(Came { success, reward, ..came })
     })?;
-    // What the table counts is what happened, not what somebody said of it.
+    // The table counts what happened, not how it was rated.
     for (one, success) in executed.iter_mut().zip(succeeded) {
         one.trial.success = success;
     }

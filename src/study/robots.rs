@@ -34,7 +34,7 @@ const SENSIBLE: Ranges = Ranges {
     n_initial: [3, 20],
 };
 
-/// Of the obstacle one unit is a metre: about a seventh of it is as sensible.
+/// One unit of the obstacle task is a metre, so about a seventh is sensible.
 const METRES: Ranges = Ranges {
     initial_std: [0.04, 0.2],
     floor_std: [0.007, 0.07],

@@ -114,12 +114,12 @@ fn read(plan: &Plan) -> Result<Vec<SeedLine>> {
             lines.push(line);
         }
     }
-    mend(&plan.results)?;
+    repair(&plan.results)?;
     Ok(lines)
 }
 
 /// Ends a torn last line, so that the next one begins at a line of its own.
-fn mend(path: &Path) -> Result<()> {
+fn repair(path: &Path) -> Result<()> {
     let text = std::fs::read(path)?;
     if text.last().is_some_and(|byte| *byte != b'\n') {
         OpenOptions::new().append(true).open(path)?.write_all(b"\n")?;

@@ -37,7 +37,7 @@ pub fn trials<S: Search + ?Sized>(
 pub struct Came {
     pub success: bool,
     pub reward: f64,
-    /// Of the search's targets, where it has some.
+    /// Measures of the search's targets, if it has any.
     pub measured: Vec<Option<f64>>,
 }
 

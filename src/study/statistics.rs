@@ -16,7 +16,7 @@ pub struct Row {
     pub value: Option<f64>,
     pub low95: Option<f64>,
     pub high95: Option<f64>,
-    /// Of all seeds.
+    /// Extremes over all seeds.
     pub min: Option<f64>,
     pub max: Option<f64>,
 }

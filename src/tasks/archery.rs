@@ -32,7 +32,7 @@ const GRAVITY: f64 = 9.81;
 const DISTANCE: f64 = 2.2;
 /// The floor below the bow, m.
 const FLOOR: f64 = -0.8;
-/// Of the arrow per distance of the hands, s⁻¹.
+/// Speed of the arrow per distance of the hands, s⁻¹.
 const SPEED_PER_DRAW: f64 = 15.0;
 /// A shot to the left and too high.
 const START: [f64; 3] = [-0.02, 0.28, 0.20];

@@ -93,14 +93,14 @@ impl Config {
         };
         if !task.has_arm() && self.learner.compliance.pays() {
             bail!(
-                "learner.compliance.weight is {}: the task {name} has no arm, so no stiffness to pay for; \
+                "learner.compliance.weight is {}: the task {name} has no arm, so no stiffness to reward; \
                  set it to 0",
                 self.learner.compliance.weight
             );
         }
         if !task.has_arm() && !self.learner.encoding.is_springs() {
             bail!(
-                "learner.encoding is {}: the task {name} has no arm that is shown a movement; leave it out",
+                "learner.encoding is {}: the task {name} has no arm and takes no demonstration; leave it out",
                 self.learner.encoding.name()
             );
         }

@@ -1,5 +1,5 @@
-//! A task without Rust: an arm, a demonstration, and in another process a world of one's own, with what it
-//! alone can measure; success and reward are what the configuration says. See docs/peg.md.
+//! A task without Rust: an arm, a demonstration, and your own world in another process, with its own measures;
+//! success and reward come from the configuration. See docs/peg.md.
 //!
 //! Without such a process the arm moves in empty space.
 
@@ -23,7 +23,7 @@ use crate::setup;
 
 pub const TASK: Task = Task {
     name: "custom",
-    about: "Your own: arm, demonstration, plant, measures and judge come from the configuration",
+    about: "Your own task: arm, demonstration, plant, measures and judge come from the configuration",
     world: World::Arm(ArmTask {
         urdf: include_str!("../../robots/wam7/wam7_pan.urdf"),
         demonstration: include_str!("../../demos/pancake.csv"),

@@ -24,7 +24,7 @@ pub fn executor(config: &Config) -> Result<Box<Executor>> {
             Box::new(move |policy| {
                 let (measures, records) =
                     action::replay(world.as_ref(), policy).with_context(|| {
-                        format!("policy {} is not admitted any more", policy.policy_id)
+                        format!("policy {} is no longer admitted", policy.policy_id)
                     })?;
                 Ok((EpisodeHeader { measures, period_ns, ..EpisodeHeader::default() }, records))
             })

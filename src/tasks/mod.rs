@@ -1,4 +1,4 @@
-//! Tasks: what there is to be learnt. Each is one file, which says everything there is to say of it.
+//! The tasks that can be learnt. Each is one file, which defines everything about it.
 //!
 //! A new task is a file with a `TASK` in it, and its name in the list below.
 
@@ -18,7 +18,7 @@ pub mod camera;
 mod configured;
 pub mod executor;
 
-/// The modules, and all tasks in the order in which people see them.
+/// The modules, and all tasks in display order.
 macro_rules! tasks {
     ($($name:ident),* $(,)?) => {
         $(pub mod $name;)*
@@ -28,7 +28,7 @@ macro_rules! tasks {
 
 tasks! { pancake, landscape, skittles, archery, obstacle, via_points, ball_in_a_cup, custom }
 
-/// What the loop, the learner and the report must know of a task.
+/// Everything the loop, the learner and the report need from a task.
 pub struct Task {
     pub name: &'static str,
     /// In a line, for people.

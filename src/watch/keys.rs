@@ -1,4 +1,4 @@
-//! What the keys of the terminal view do: each is a command of the tool, on a thread of its own.
+//! Keys of the terminal view: each runs a command of the tool on its own thread.
 //! A rating is a letter to the session of the cell's learner.
 
 use std::hash::{BuildHasher, Hasher, RandomState};
@@ -28,7 +28,7 @@ pub enum Action {
     RollBack,
     Hold,
     Rearm,
-    /// Of the newest rollout that is shown.
+    /// Rates the newest rollout shown.
     Rate(Word),
 }
 
@@ -77,7 +77,7 @@ impl Action {
     }
 }
 
-/// Sends actions and collects what came of them.
+/// Runs actions and collects their results.
 pub struct Keys {
     cell: Cell,
     said: Sender<String>,
@@ -98,12 +98,12 @@ impl Keys {
                 Action::Rate(word) => rate(&cell, newest, word),
                 action => carry_out(&cell, action),
             };
-            // Whoever has left does not need the answer.
+            // The receiver may be gone; nobody needs the reply then.
             let _ = said.send(answer);
         });
     }
 
-    /// What came of earlier actions.
+    /// Results of earlier actions.
     pub fn answers(&self) -> impl Iterator<Item = String> {
         self.says.try_iter()
     }
@@ -125,7 +125,7 @@ fn carry_out(cell: &Cell, action: Action) -> String {
         Err(error) => return format!("{name}: {error}"),
     };
     match ports.request(&command, TIMEOUT) {
-        None => format!("{name}: no answer yet; see what is active above"),
+        None => format!("{name}: no reply yet; see the active policy above"),
         Some(reply) if reply.accepted != 1 => format!("{name}: refused: {}", reply.reason_text()),
         Some(reply) if reply.applied_tick > 0 => {
             let (policy, tick) = (reply.policy.describe(), reply.applied_tick);

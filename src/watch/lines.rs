@@ -81,7 +81,7 @@ pub fn text(model: &Model, _: &Watcher) -> String {
     let (session, vitals) = (&model.session, &model.vitals);
     let health = match vitals.health() {
         Some((health, findings)) => [vec![health.name().to_string()], findings].concat().join("; "),
-        None => "asking the controller".into(),
+        None => "waiting for the controller".into(),
     };
     let tick = match vitals.tick_age() {
         Some(age) => format!(", tick {} {:.1} s ago", model.last.record.tick, age.as_secs_f64()),

@@ -35,7 +35,7 @@ pub struct WatchedSession {
     /// Rollouts the session is to have.
     pub rollouts: u64,
     pub modes: Vec<ModeNews>,
-    /// Of the newest trial of which it was told.
+    /// Measures of the newest trial received.
     pub measures: Option<Measures>,
 }
 
@@ -54,7 +54,7 @@ impl WatchedSession {
         let is_under_wish = news.has(TRIAL_UNDER_WISH);
         let (rollout, reward) = (news.rollout, news.reward);
         let trial = Trial { rollout, reward, success, is_mean, is_under_wish };
-        // What is told again, to a new controller's services or because somebody rated it, is known already.
+        // What is told again, to a new controller's services or because it was rated, is known already.
         if let Some(known) = self.trials.iter_mut().find(|known| known.rollout == rollout) {
             *known = trial;
         } else if self.trials.back().is_none_or(|last| rollout > last.rollout) {

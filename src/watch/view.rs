@@ -96,7 +96,9 @@ fn state(model: &Model, lost: u64) -> Paragraph<'static> {
         None => Vec::new(),
     };
     match (model.vitals.controller(), findings(model)) {
-        (Presence::Running, _) if lines.is_empty() => lines.push("asking the controller …".into()),
+        (Presence::Running, _) if lines.is_empty() => {
+            lines.push("waiting for the controller …".into())
+        }
         (Presence::Running, _) => {}
         (_, finding) => {
             // What was known of it is shown for what it is.
@@ -157,7 +159,7 @@ fn known(model: &Model, lost: u64, status: &Status) -> Vec<Line<'static>> {
             status.is_paced(),
             &format!("  {} deadlines missed", model.last.missed),
         ),
-        times_line("tick   ", &tick, true, &format!("  {lost} ticks not seen")),
+        times_line("tick   ", &tick, true, &format!("  {lost} ticks missed")),
         Line::from(format!(
             "policy   in the loop {}  active {}{pinned}  last good {}",
             status.in_loop.describe(),
@@ -187,7 +189,7 @@ fn times_line(name: &str, times: &Percentiles, is_known: bool, more: &str) -> Li
     let Percentiles { p50, p99, max } = times;
     Line::from(match is_known {
         true => format!("{name}  p50 {p50:7.1}  p99 {p99:7.1}  max {max:8.1} µs{more}"),
-        false => format!("{name}  not by the wall clock{more}"),
+        false => format!("{name}  not paced by the wall clock{more}"),
     })
 }
 
@@ -217,7 +219,7 @@ fn reward(frame: &mut Frame, model: &Model, area: Rect) {
                 _ => String::new(),
             },
             match model.session.wished_since() {
-                Some(rollout) => format!(", under a wish since {rollout}"),
+                Some(rollout) => format!(", conditioned since {rollout}"),
                 None => String::new(),
             }
         ),
@@ -299,7 +301,7 @@ mod tests {
     #[test]
     fn a_person_reads_all_that_is_to_be_done() {
         let mut model = Model::new(&Cell::new("view").unwrap());
-        assert!(drawn(&model, &Prompt::None).contains("asking the controller"));
+        assert!(drawn(&model, &Prompt::None).contains("waiting for the controller"));
         let status = Status { latched_fault: FAULT_HELD, learner_age_ns: 0, ..Status::ZERO };
         model.vitals.answered(status);
         let trial = |rollout, reward| Trial {
@@ -313,7 +315,7 @@ mod tests {
         model.session.rollouts = 10;
         let text = drawn(&model, &Prompt::None);
         for part in
-            ["bad", "until", "rearm`", "7 ticks not seen", "best 1.500", "at rollout 2", "50 %"]
+            ["bad", "until", "rearm`", "7 ticks missed", "best 1.500", "at rollout 2", "50 %"]
         {
             assert!(text.contains(part), "no '{part}' in: {text}");
         }

@@ -1,4 +1,4 @@
-//! Who is there: controller and learner of a watched cell, and how old is what is known of them.
+//! Presence of a watched cell's controller and learner, and the age of their last messages.
 //!
 //! A dead process is known by its lock, which the kernel frees; one that stands still by its silence.
 
@@ -41,8 +41,7 @@ pub struct Vitals {
     cell: Cell,
     answers: Receiver<Result<Status, ChannelError>>,
     status: Option<(Status, Instant)>,
-    /// When the controller was last heard, by an answer or a tick; before that, when somebody began to
-    /// listen.
+    /// When the controller last replied or ticked; before that, when the watch began.
     heard: Instant,
     ticked: Option<Instant>,
     /// What keeps this process from asking it.
@@ -161,7 +160,7 @@ impl Vitals {
         self.status = Some((status, Instant::now()));
     }
 
-    /// What is the matter with a controller that is not running.
+    /// Describes why the controller is not running.
     fn missing(&self, presence: Presence) -> String {
         let (seconds, name) = (self.silence().as_secs_f64(), self.cell.name());
         if let (Presence::Silent, Some(trouble)) = (presence, &self.trouble) {
@@ -170,16 +169,16 @@ impl Vitals {
         match presence {
             Presence::Silent if self.status.is_none() => {
                 format!(
-                    "the controller has not answered for {seconds:.1} s yet: it is starting, stopped \
-                     or stuck"
+                    "the controller has not responded for {seconds:.1} s: it is starting, stopped or \
+                     stuck"
                 )
             }
             Presence::Silent => format!(
-                "the controller has not answered for {seconds:.1} s: it is stopped or stuck; continue \
+                "the controller has not responded for {seconds:.1} s: it is stopped or stuck; continue \
                  or restart it"
             ),
             _ => format!(
-                "no controller for {seconds:.1} s; waiting for one: `skillet controller --cell {name}`"
+                "no controller for {seconds:.1} s; start one with `skillet controller --cell {name}`"
             ),
         }
     }
@@ -192,14 +191,14 @@ impl Vitals {
         let mut changes = Vec::new();
         match controller {
             same if same == was => {}
-            Presence::Running => changes.push("a controller is there again".to_string()),
+            Presence::Running => changes.push("the controller is back".to_string()),
             gone => changes.push(self.missing(gone)),
         }
         match learner {
             same if same == had => {}
-            Presence::Running => changes.push("a learner is there".into()),
+            Presence::Running => changes.push("the learner is running".into()),
             Presence::Silent => changes.push("the learner is silent: stopped or stuck".into()),
-            Presence::Absent => changes.push("the learner has gone".into()),
+            Presence::Absent => changes.push("the learner has stopped".into()),
         }
         changes
     }

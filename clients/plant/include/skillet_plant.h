@@ -19,7 +19,7 @@ enum {
   SKILLET_TORQUE = 0, /* apply tau */
   SKILLET_RESET = 1,  /* begin another episode, then call skillet_plant_has_reset(); tau holds a real arm */
   SKILLET_HOLD = 2,   /* there is no torque: a real arm holds itself, damped */
-  SKILLET_STOP = 3    /* the controller ends in order */
+  SKILLET_STOP = 3    /* the controller ends cleanly */
 };
 
 typedef struct {

@@ -82,7 +82,7 @@ pub unsafe extern "C" fn skillet_plant_open(
     let result = match unsafe { description.as_ref() } {
         // SAFETY: the caller's.
         Some(description) => unsafe { open(description) }.map_err(|error| error.to_string()),
-        None => Err("there is no description".to_string()),
+        None => Err("the description is missing".to_string()),
     };
     match result {
         Ok(plant) => Box::into_raw(Box::new(skillet_plant { plant, error: [0; ERROR_LEN] })),
@@ -200,7 +200,7 @@ pub unsafe extern "C" fn skillet_plant_rollout(plant: *const skillet_plant) -> u
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn skillet_plant_error(plant: *const skillet_plant) -> *const c_char {
     // SAFETY: the caller's; null is none.
-    unsafe { plant.as_ref() }.map_or(c"there is no plant".as_ptr(), |plant| plant.error.as_ptr())
+    unsafe { plant.as_ref() }.map_or(c"the plant is missing".as_ptr(), |plant| plant.error.as_ptr())
 }
 
 /// # Safety

@@ -55,16 +55,16 @@ pub use shm_types::MAX_JOINTS;
 
 /// How long a plant looks for its controller.
 const LOOK_FOR: Duration = Duration::from_secs(30);
-/// A controller says something twice a second at least; one that is silent for so long stands still.
+/// A controller sends at least two messages a second; one that is silent for this long is stuck.
 const SILENCE: Duration = Duration::from_secs(5);
 /// Between two looks whether the process is to end.
 const SLICE: Duration = Duration::from_millis(50);
 /// A torque that no answer renewed acts for so many samples.
 const REPEATS: u32 = 2;
-/// Of a cell that nobody names.
+/// The default name of the cell.
 const CELL: &str = "skillet";
 
-/// Why a plant cannot go on.
+/// Why a plant cannot continue.
 #[derive(Debug, Error)]
 pub enum PlantError {
     #[error(transparent)]
@@ -76,7 +76,7 @@ pub enum PlantError {
     #[error("the controller has ended or died: start it again, then this plant")]
     Gone,
     #[error(
-        "the controller said nothing for {0:.0} s: it is stopped or stuck; continue or restart it"
+        "the controller has been silent for {0:.0} s: it is stopped or stuck; continue or restart it"
     )]
     Silent(f64),
     /// Shared memory cannot be used; without `polls` the socket does.
@@ -114,12 +114,12 @@ pub struct Description<'a> {
     pub has_object: bool,
     /// Equal torques lead to equal samples, bit for bit.
     pub is_deterministic: bool,
-    /// Of a simulator with a core of its own: it polls shared memory for its answers instead of sleeping.
+    /// Whether a simulator with its own core polls shared memory for replies instead of sleeping.
     pub polls: bool,
     pub joint_names: &'a [&'a str],
     /// N·m.
     pub torque_limits: &'a [f64],
-    /// Of the file that the plant was made from.
+    /// SHA-256 of the URDF file the plant was made from.
     pub urdf_sha256: Option<[u8; 32]>,
     /// Where it rests, rad.
     pub q: [f64; MAX_JOINTS],
@@ -216,7 +216,7 @@ pub enum Answer {
     Reset([f64; MAX_JOINTS]),
     /// There is no torque: a real arm holds itself, damped.
     Hold,
-    /// The controller ends in order.
+    /// The controller ends cleanly.
     Stop,
 }
 
@@ -251,7 +251,7 @@ impl Plant {
             Some(Message::Welcome(welcome)) => {
                 return Err(PlantError::Refused(text::unpack(&welcome.reason)));
             }
-            Some(_) => return Err(PlantError::Refused("it answered with no Welcome".into())),
+            Some(_) => return Err(PlantError::Refused("it did not reply with a Welcome".into())),
             None => return Err(PlantError::Silent(SILENCE.as_secs_f64())),
         };
         sent?;
@@ -274,7 +274,7 @@ impl Plant {
         })
     }
 
-    /// Of a simulator: sends a sample and waits for what it is answered with. Time stands still meanwhile.
+    /// Sends a simulator's sample and waits for the reply. Time stands still meanwhile.
     pub fn exchange(&mut self, sample: &Sample) -> Result<Answer, PlantError> {
         self.exchange_unless(sample, &AtomicBool::new(false))
     }
@@ -303,7 +303,7 @@ impl Plant {
         Err(PlantError::Silent(SILENCE.as_secs_f64()))
     }
 
-    /// Of a real arm: sends a sample, and waits for nobody.
+    /// Sends a real arm's sample without waiting.
     pub fn send(&mut self, sample: &Sample) -> Result<(), PlantError> {
         let state = &mut self.state;
         state.seq += 1;
@@ -323,8 +323,8 @@ impl Plant {
         Ok(())
     }
 
-    /// Of a real arm: what to do now, by the answer to the last sample if it comes within `patience`. Without
-    /// one the last torque acts for two samples at most; then it is up to the arm to hold itself.
+    /// The next action of a real arm: the reply to the last sample if it arrives within `patience`. Without
+    /// a reply the last torque acts for two samples at most; then it is up to the arm to hold itself.
     pub fn answer(&mut self, patience: Duration) -> Result<Answer, PlantError> {
         let start = Instant::now();
         loop {

@@ -47,7 +47,7 @@ fn half_the_stiffness_pays_the_same_anywhere_within_bounds() {
     assert!((first / second - 1.0).abs() < 0.05, "{first} {second}");
 }
 
-/// Of two policies the one with more compliance is the one a search takes for better, by as much.
+/// A search prefers the more compliant of two policies, by the difference in compliance.
 #[test]
 fn a_search_knows_what_will_be_measured() {
     let learner = LearnerConfig::default();

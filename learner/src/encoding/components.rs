@@ -16,7 +16,7 @@ use crate::parameters::extent;
 const SEED: u64 = 0;
 /// Points that the criterion sees, at most. It takes points for independent, which neighbours on a path are not.
 const N_POINTS: usize = 200;
-/// Of a coordinate that never moves there is nothing to fit: its extent, m or rad.
+/// A coordinate whose extent is below this never moves and is not fitted, m or rad.
 const STILL: f64 = 1e-9;
 
 /// `learner.n_components`.

@@ -28,7 +28,7 @@ const NARROWEST: f64 = 0.2;
 const RIDGE: f64 = 1e-6;
 /// A component leads for about so many σᵢ.
 const LEAD: f64 = 4.0;
-/// Of a coordinate that never moves there is nothing to fit: its extent, m or rad.
+/// A coordinate whose extent is below this never moves and is not fitted, m or rad.
 const STILL: f64 = 1e-9;
 
 /// The map between θ and regressions of one shape.

@@ -53,7 +53,7 @@ pub enum EvalFault {
     /// A measure, or the result of an operator or a function.
     #[error("the value is {value}")]
     NotFinite { value: f64 },
-    /// Of `clamp`.
+    /// Bounds of `clamp` in the wrong order.
     #[error("the lower bound {low:?} is above the upper bound {high:?}")]
     Bounds { low: f64, high: f64 },
     /// A measure that should be one.

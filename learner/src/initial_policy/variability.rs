@@ -1,4 +1,4 @@
-//! The stiffness a session starts from, where repetitions of a movement say it: stiff where they agree.
+//! Initial stiffness from repetitions of a movement: stiff where they agree.
 
 #![allow(non_snake_case)] // K, R
 
@@ -115,7 +115,7 @@ pub(crate) fn stiffen(
     Ok(())
 }
 
-/// Of each repetition from their mean, m and rad, as recordings of the learnt coordinates on one clock.
+/// Deviations of each repetition from the mean, m and rad, as recordings of the learnt coordinates on one clock.
 fn deviations(
     demonstrations: &[Demonstration],
     config: &InitialPolicyConfig,

@@ -104,7 +104,7 @@ impl Learner {
                 new.added.push(added);
                 Ok(Taken {
                     rollouts: Vec::new(),
-                    text: format!("the search starts from {file} too"),
+                    text: format!("the search now also starts from {file}"),
                 })
             }
         }
@@ -113,11 +113,13 @@ impl Learner {
     /// That ratings count here, and that there is something to rate.
     fn expect_ratable(&self, rollout: u64) -> Result<(), String> {
         if !self.store.meta().learner.people.takes_ratings() {
-            return Err("learner.people.weight of this session is 0, so no rating counts".into());
+            return Err(
+                "learner.people.weight of this session is 0, so ratings do not count".into()
+            );
         }
         match self.trials.iter().find(|trial| trial.rollout == rollout) {
             Some(trial) if trial.was_executed() => Ok(()),
-            _ => Err(format!("there is no executed rollout {rollout} to be rated")),
+            _ => Err(format!("rollout {rollout} was not executed and cannot be rated")),
         }
     }
 
@@ -148,7 +150,7 @@ impl Learner {
         newest.filter(|trial| self.waits_for_rating_of(trial)).map(|trial| trial.rollout).min()
     }
 
-    /// Learning goes on when somebody has rated this trial, or has said that there is no rating.
+    /// Whether learning continues: this trial is rated, or its rating is withdrawn.
     fn waits_for_rating_of(&self, trial: &TrialRecord) -> bool {
         let people = &self.config.people;
         let waits = people.takes_ratings() && people.wait;

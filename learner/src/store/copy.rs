@@ -100,12 +100,12 @@ pub(super) fn open_better(path: &Path) -> Result<Store, StoreError> {
         (Err(error), Err(_)) => Err(error),
         (session, Ok(copy)) => {
             let reason = match session {
-                Ok(_) => "it knows less than its copy".to_string(),
+                Ok(_) => "it is older than its copy".to_string(),
                 Err(error) => error.to_string(),
             };
             restore(path, copy)?;
             let mut store = Store::open(path)?;
-            let text = format!("from the second copy, because of this: {reason}");
+            let text = format!("from the second copy, because {reason}");
             tracing::warn!("{}: restored {text}", path.display());
             store.record_event("restored", &text)?;
             Ok(store)

@@ -52,7 +52,7 @@ pub enum StoreError {
 }
 
 impl StoreError {
-    /// Free space or mended permissions will help; a damaged file they will not.
+    /// Whether freeing space or fixing permissions helps; a damaged file needs more.
     pub fn may_pass(&self) -> bool {
         matches!(
             self,

@@ -44,7 +44,7 @@ pub struct Store {
     connection: Connection,
     path: PathBuf,
     meta: SessionMeta,
-    /// Of a session that goes on.
+    /// The second copy, if the session is open for writing.
     copy: Option<SecondCopy>,
 }
 

@@ -31,7 +31,7 @@ impl Store {
             let (letter, after, rollout, rating) = self.sql(row)?;
             let letter = self.letter(&letter)?;
             if rating.is_some_and(|rating| !rating.is_finite()) {
-                return Err(self.corrupt(format!("a rating of trial {rollout} is no number")));
+                return Err(self.corrupt(format!("the rating of trial {rollout} is not a number")));
             }
             Ok(Rating { letter, after, rollout, rating })
         };
@@ -75,7 +75,7 @@ impl Store {
                 let query =
                     "INSERT INTO demonstrations (letter, after, file, text) VALUES (?1, ?2, ?3, ?4)";
                 transaction.execute(query, params![hex(*letter), signed(*after), file, text])?;
-                let text = format!("from rollout {} on the search starts from {file} too", after + 1);
+                let text = format!("from rollout {} on the search also starts from {file}", after + 1);
                 insert_event(transaction, &Event { kind: "demonstration".into(), text })?;
             }
             Ok(())

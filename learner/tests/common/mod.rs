@@ -11,13 +11,13 @@ use shm_types::episode::{EpisodeHeader, TickRecord};
 use shm_types::measures::{Measure, Measures};
 use shm_types::policy::PolicyMsg;
 
-/// Of a session of `task`; its measures are those of its judge.
+/// Metadata of a session of `task`; its measures are those of its judge.
 pub fn meta(task: &str, session_id: u64, learner: LearnerConfig) -> SessionMeta {
     let (config_toml, measures) = (String::new(), Vec::new());
     SessionMeta { task: task.into(), session_id, config_toml, measures, learner }
 }
 
-/// Of a world that measures its own value.
+/// The judge of a world that measures its own value.
 pub fn value_judge() -> Judge {
     let reward = RewardConfig { kind: RewardKind::Value, ..Default::default() };
     Judge::of_plant(&[("height", "1")], reward)

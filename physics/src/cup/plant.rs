@@ -30,7 +30,7 @@ enum CupArm {
     Multibody {
         world: Box<PhysicsWorld>,
         arm: RapierArm,
-        /// Of the last period: it acts on the arm during the next.
+        /// The reaction of the last period; it acts on the arm during the next one.
         reaction: Reaction,
     },
     Split(Arm),

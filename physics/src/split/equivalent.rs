@@ -28,7 +28,7 @@ pub struct EquivalentBody {
 }
 
 impl EquivalentBody {
-    /// Of an arm with the tip's rotation `R_WP`, its Jacobian and a mass matrix.
+    /// The equivalent body of an arm with the tip's rotation `R_WP`, its Jacobian and a mass matrix.
     ///
     /// With S = G·M⁻¹·Gᵀ, the rows of G being v_z, ω_x, ω_y and ω_z of the tip in P: the tilts' block
     /// S₁₁ is 1/I in its principal axes; a force along z gives the tilt b = S₀₁, which a centre of

@@ -144,7 +144,7 @@ impl Motion {
         Motion { linear: v.fixed_rows::<3>(0).into(), angular: v.fixed_rows::<3>(3).into() }
     }
 
-    /// Of the point `r` further on.
+    /// The motion of the point at the offset `r`.
     fn at(self, r: &Vector3<f64>) -> Motion {
         Motion { linear: self.linear + self.angular.cross(r), ..self }
     }

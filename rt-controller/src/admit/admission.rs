@@ -90,7 +90,7 @@ pub enum AdmissionError {
     )]
     Duration { duration_s: f64, settle_s: f64, records: usize },
     #[error(
-        "dry run: {fault} at t = {t_s:.3} s; the policy would not get through a rollout, make it \
+        "dry run: {fault} at t = {t_s:.3} s; the policy would not complete a rollout; make it \
          softer or slower"
     )]
     DryRunFault { fault: &'static str, t_s: f64 },

@@ -1,4 +1,4 @@
-//! What a policy notices of a moved posture: a dry run on ideal arms, before a real one moves.
+//! The effect of a posture offset on a policy: a dry run on ideal arms, before a real one moves.
 
 use physics::arm::{ArmModel, JointVector, kinematics};
 use physics::ideal::IdealArm;
@@ -75,7 +75,7 @@ pub fn check_under(
     Err(Disturbed { cause, fits: rehearsal.part_that_fits(to) })
 }
 
-/// A policy, and what it does where nobody moves the posture.
+/// A policy, and its behaviour without a posture offset.
 struct Rehearsal<'a> {
     policy: &'a Policy,
     model: &'a ArmModel,

@@ -17,18 +17,18 @@ const DURATION_DEFAULT_S: f64 = 1.0;
 /// Why a posture was not admitted.
 #[derive(Debug, Error, PartialEq)]
 pub enum PostureError {
-    #[error("this task has no arm whose posture could be moved")]
+    #[error("this task has no arm with a posture to move")]
     NoArm,
     #[error(
-        "the arm has {0} joints, and the tip takes {TASK_JOINTS}: no posture is left to choose; use an arm of 7"
+        "the arm has {0} joints, and the tip needs {TASK_JOINTS}: it has no null space; use an arm with 7"
     )]
     NoNullSpace(usize),
-    #[error("joint {joint}: the offset {offset} is no number of radians")]
+    #[error("joint {joint}: the offset {offset} is not a finite number of radians")]
     NotFinite { joint: usize, offset: f64 },
     #[error("the move would take {0} s: use {DURATION_MIN_S} to {DURATION_MAX_S} s (--in)")]
     Duration(f64),
     #[error(
-        "joint {joint} ({name}) would be drawn to {position:.3} rad: keep it within {min:.3} and {max:.3}, that \
+        "joint {joint} ({name}) would be pulled to {position:.3} rad: keep it within {min:.3} and {max:.3}, that \
          is, its offset within {least:.3} and {most:.3}"
     )]
     Limit { joint: usize, name: String, position: f64, min: f64, max: f64, least: f64, most: f64 },
@@ -110,8 +110,8 @@ mod tests {
     #[test]
     fn what_is_refused_is_named_with_what_to_do() {
         for (joint, offset, duration_s, words) in [
-            (3, f64::NAN, 1.0, ["joint 3", "no number"]),
-            (3, f64::INFINITY, 1.0, ["joint 3", "no number"]),
+            (3, f64::NAN, 1.0, ["joint 3", "not a finite number"]),
+            (3, f64::INFINITY, 1.0, ["joint 3", "not a finite number"]),
             (3, 0.5, -1.0, ["-1 s", "--in"]),
             (3, 0.5, 1e-300, ["s (--in)", "0.25 to 60"]),
             (3, 0.5, f64::NAN, ["NaN s", "--in"]),

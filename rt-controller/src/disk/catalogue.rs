@@ -19,7 +19,7 @@ pub enum CatalogueError {
     Unknown(u64),
     #[error("policy {0} is forbidden in this cell: `skillet policy allow {0}` allows it")]
     Forbidden(u64),
-    #[error("no policy has proved itself in this cell yet")]
+    #[error("no policy has succeeded in this cell yet")]
     NoneGood,
     #[error(
         "the catalogue holds {MAX_POLICIES} policies: remove files from its folder and restart"

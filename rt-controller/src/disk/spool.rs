@@ -35,7 +35,7 @@ const MAGIC: u64 = u64::from_le_bytes(*b"SKEPISOD");
 pub(crate) enum SpoolError {
     #[error(transparent)]
     Io(#[from] io::Error),
-    #[error("it is torn, damaged or of another build")]
+    #[error("it is torn, damaged or from another build")]
     Damaged,
     #[error(transparent)]
     Episode(#[from] EpisodeError),

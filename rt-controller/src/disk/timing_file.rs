@@ -1,4 +1,4 @@
-//! How the loop kept its time over all runs of a session, as a small JSON file.
+//! Timing of the loop over all runs of a session, as a small JSON file.
 //!
 //! ```json
 //! {"version":1,"unit":"ns","loops":[{"pace":"realtime","ticks":3,"missed_deadlines":0,

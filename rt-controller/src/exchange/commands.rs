@@ -1,7 +1,7 @@
-//! Commands: what a tool asks of the controller, carried out on the exchange thread.
+//! Commands of a tool, executed on the exchange thread.
 //!
-//! A swap is answered when the loop has applied it, a change of the catalogue when it is on disk.
-//! A command that is repeated with its id is answered again, not carried out again.
+//! The reply to a swap is sent once the loop has applied it, to a change of the catalogue once it is on
+//! disk. A command repeated with the same id gets the same reply and is not executed again.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -28,7 +28,7 @@ use crate::rings::{Applied, PostureTaken};
 /// Replies kept for repeated commands.
 const RECENT: usize = 64;
 
-/// Why a command was not carried out.
+/// Why a command was not executed.
 #[derive(Debug, Error)]
 pub(crate) enum Refusal {
     #[error(transparent)]
@@ -43,35 +43,33 @@ pub(crate) enum Refusal {
     Posture(#[from] PostureError),
     #[error(transparent)]
     Disturbed(#[from] Disturbed),
-    #[error(
-        "the loop has not taken the postures before this one yet: repeat the command in a moment"
-    )]
+    #[error("the loop is still processing earlier postures: repeat the command in a moment")]
     PostureWaits,
     #[error("the rollout ended before policy {0} acted: {1}")]
     Abandoned(String, &'static str),
-    #[error("the arm is held after a machine fault ({0}): `skillet rearm` first")]
+    #[error("the arm is held ({0}): run `skillet rearm` first")]
     Latched(&'static str),
-    #[error("this task has no arm that could be held")]
+    #[error("this task has no arm to hold")]
     NoArm,
-    #[error("nothing is latched: there is nothing to re-arm")]
+    #[error("no fault is latched: there is nothing to re-arm")]
     NothingLatched,
-    #[error("{0}: still so, or a moment ago; mend it, wait a second and try again")]
+    #[error("{0}: still present within the last second; fix it, wait a second and try again")]
     StillPresent(&'static str),
     #[error("the cell's state cannot be saved ({0}): free space or fix permissions, then repeat")]
     NotKept(String),
 }
 
-/// How a command goes on.
+/// What a command waits for.
 #[derive(Clone, Copy, PartialEq)]
 enum Outcome {
     Done,
-    /// Answered when the loop has applied this swap.
+    /// Replied to when the loop has applied this swap.
     Applied(u64),
-    /// Answered when this is on disk.
+    /// Replied to when this is on disk.
     Kept(u64),
-    /// Answered when the loop has said whether it is re-armed.
+    /// Replied to when the loop has reported whether it is re-armed.
     Rearmed,
-    /// Answered when the loop has taken this posture.
+    /// Replied to when the loop has this posture.
     Posture(u64),
     Stop,
 }
@@ -81,7 +79,7 @@ struct Waiting {
     outcome: Outcome,
 }
 
-/// Commands that wait for their answer, and answers that may be asked for again.
+/// Commands that wait for their reply, and replies kept for repeated commands.
 pub(crate) struct Commands {
     waiting: Vec<Waiting>,
     recent: VecDeque<Reply>,

@@ -1,5 +1,4 @@
-//! Rollouts on their way to the loop and back: what is handed over, what has come of it, who is
-//! told.
+//! Rollouts on their way to the loop and back: handing over, results, and replies.
 
 use std::sync::Arc;
 
@@ -18,7 +17,7 @@ use crate::fault::Fault;
 use crate::rings::{Done, Job, PostureOrder};
 
 impl<P: Clone + PartialEq> Exchange<'_, P> {
-    /// Takes the loop's word on swaps, and tells who asked for them.
+    /// Receives the loop's replies on swaps, and replies to the commands.
     pub(crate) fn take_applied(&mut self) {
         while let Ok(applied) = self.ends.applied.pop() {
             self.active = true;
@@ -46,7 +45,7 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
             // What the loop applied before this rollout ended must be known first.
             self.take_applied();
             let Some(in_flight) = self.in_flight.take() else {
-                tracing::error!("an episode came back that was not asked for; dropped");
+                tracing::error!("received an episode that was not requested; dropped");
                 continue;
             };
             let Recording { n_records, applied_tick, .. } = done.recording;
@@ -115,13 +114,13 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
             }
             Err(error) => {
                 let rollout = message.rollout;
-                tracing::debug!(rollout, "succeeded, but is not to be served: {error}");
+                tracing::debug!(rollout, "succeeded, but cannot be served: {error}");
             }
         }
     }
 
-    /// Sends what is on disk. What could not be written is sent all the same: the learner may still
-    /// take it.
+    /// Sends spooled episodes, and also those that could not be written: the learner may still
+    /// receive them.
     pub(crate) fn take_spooled(&mut self) {
         while let Some(Spooled { name, episode, result }) =
             self.spool.as_mut().and_then(Spool::spooled)
@@ -129,7 +128,7 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
             self.active = true;
             if let Err(error) = result {
                 self.catalogue.errors += 1;
-                tracing::error!("episode not spooled: {error}; free space or mend permissions");
+                tracing::error!("episode not spooled: {error}; free space or fix permissions");
             }
             self.send(name, episode);
         }
@@ -170,7 +169,7 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
                 good.name().describe()
             ),
             None => tracing::error!(
-                "fault under policy {}: {why}; no good policy to go back to, the arm is held",
+                "fault under policy {}: {why}; no good policy to fall back to, the arm is held",
                 active.describe()
             ),
         }
@@ -204,14 +203,14 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
         match episode.send() {
             Ok(0) => tracing::warn!(
                 rollout = name.rollout,
-                "no learner took the episode; it will ask for the rollout again"
+                "no learner received the episode; it will request the rollout again"
             ),
             Ok(_) => {
                 let _ = self.ports.episode_sent.notify();
             }
             Err(error) => tracing::warn!(
                 rollout = name.rollout,
-                "episode not delivered ({error:?}); the learner will ask for the rollout again"
+                "episode not delivered ({error:?}); the learner will request the rollout again"
             ),
         }
     }
@@ -245,7 +244,7 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
         spool.is_full() && !spool.holds(&proposal.name())
     }
 
-    /// A refusal travels as an episode without records, but an episode it is.
+    /// Sends a refusal as an episode without records.
     fn hand_over_proposal(&mut self) {
         let Some(message) = self.link.proposal.take() else { return };
         let name = message.name();
@@ -259,7 +258,7 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
             };
             *episode.user_header_mut() = header;
             episode.payload_mut()[..records.len()].copy_from_slice(&records);
-            tracing::info!(rollout = name.rollout, "episode sent again from the spool");
+            tracing::info!(rollout = name.rollout, "episode resent from the spool");
             self.send(name, episode);
             return;
         }
@@ -329,12 +328,12 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
     }
 }
 
-/// What the plant measured, if it is fit to be told; an episode is not lost for it.
+/// The plant's measures, if they are valid; invalid ones do not lose the episode.
 fn checked(measures: &Measures) -> Measures {
     match measures.validate() {
         Ok(()) => *measures,
         Err(error) => {
-            tracing::warn!("what the plant measured is dropped: {error}");
+            tracing::warn!("measures of the plant dropped: {error}");
             Measures::NONE
         }
     }

@@ -1,4 +1,4 @@
-//! What the controller knows of its learner: the proposal it waits for, its heartbeat, its
+//! The controller's view of its learner: the pending proposal, the heartbeat and the
 //! acknowledgements.
 
 use std::time::{Duration, Instant};
@@ -12,12 +12,12 @@ use shm_types::telemetry::{Heartbeat, WAITS_NOT};
 pub(crate) struct LearnerLink {
     started: Instant,
     seen: Option<(Heartbeat, Instant)>,
-    /// A learner is in the cell since then, and was not heard.
+    /// Since when a learner has been in the cell without a heartbeat.
     mute: Option<Instant>,
     /// Newest session and rollout reported, and what the learner has acknowledged.
     reported: PolicyName,
     acknowledged: Ack,
-    /// It has changed since somebody looked.
+    /// It has changed since the last look.
     has_news: bool,
     /// Received, not yet handed to the loop.
     pub proposal: Option<PolicyMsg>,
@@ -89,12 +89,12 @@ impl LearnerLink {
         newest.saturating_sub(if is_its { durable_rollout.max(rollout.min(newest)) } else { 0 })
     }
 
-    /// Age of the last heartbeat of a learner that did not take its leave.
+    /// Age of the last heartbeat of a learner that did not sign off.
     pub fn age(&self) -> Option<Duration> {
         self.seen.filter(|(beat, _)| beat.leaving == 0).map(|(_, seen)| seen.elapsed())
     }
 
-    /// Looks after a learner that holds its place in the cell and says nothing: it starts, ends, or is
+    /// Tracks a learner that has joined the cell but sends no heartbeat: it is starting, ending or
     /// stuck.
     pub fn look(&mut self, ports: &ControllerPorts) {
         match ports.has_learner() && self.age().is_none() {

@@ -70,7 +70,7 @@ pub(crate) struct Exchange<'a, P> {
     /// Where there is a state folder.
     pub(crate) spool: Option<Spool>,
     pub(crate) flights: Option<FlightFiles>,
-    /// The machine fault that holds the arm, and whether the loop was asked to re-arm.
+    /// The hardware fault that holds the arm, and whether a re-arm was requested.
     pub(crate) latched: Option<Latched>,
     pub(crate) is_rearming: bool,
     /// Where the null space is drawn to in served rollouts, and the number of the order. Not remembered over a
@@ -120,7 +120,7 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
         if let Some(Latched { fault, .. }) = latched {
             setup.latch.restore(fault);
             let why = Fault::describe(fault as u32);
-            tracing::error!("machine fault of an earlier run: {why}; the arm is held");
+            tracing::error!("the arm is held since an earlier run: {why}");
         }
         let spool = setup.state.map(|dir| open_spool(&dir.join("spool"))).transpose()?;
         Ok(Exchange {
@@ -247,10 +247,10 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
             Ok(ports) => {
                 self.ports = ports;
                 tracing::warn!(
-                    "services made anew: dead processes had left too much in the old ones"
+                    "services recreated: dead processes had left too much in the old ones"
                 );
             }
-            Err(error) => tracing::error!("services cannot be made anew: {error}"),
+            Err(error) => tracing::error!("services cannot be recreated: {error}"),
         }
     }
 
@@ -274,7 +274,7 @@ fn open_spool(dir: &Path) -> Result<Spool, StateError> {
     let spool =
         Spool::open(dir).map_err(|cause| StateError::Io { path: dir.to_path_buf(), cause })?;
     if spool.len() > 0 {
-        tracing::info!(episodes = spool.len(), "spooled episodes wait for their learner");
+        tracing::info!(episodes = spool.len(), "spooled episodes are waiting for their learner");
     }
     Ok(spool)
 }
@@ -287,7 +287,7 @@ fn restore<P: PartialEq>(setup: &Setup<P>, left: &State) -> Serving<P> {
             Ok((policy, n_records)) => Some(Arc::new(Served { message, policy, n_records })),
             Err(error) => {
                 let policy = message.name().describe();
-                tracing::warn!("policy {policy} of the last run is not admitted any more: {error}");
+                tracing::warn!("policy {policy} of the last run is no longer admitted: {error}");
                 None
             }
         }

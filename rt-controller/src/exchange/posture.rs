@@ -1,4 +1,4 @@
-//! Postures moved by hand, as the exchange thread sees them: admitted, sent to the loop, told, taken back.
+//! Posture offsets on the exchange thread: admits, sends, reports and resets them.
 
 use physics::arm::JointVector;
 use shm_types::command::Command;
@@ -53,7 +53,7 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
         }
     }
 
-    /// Takes the loop's word on postures, and tells who asked for them.
+    /// Receives the loop's replies on postures, and replies to the commands.
     pub(crate) fn take_posture(&mut self) {
         while let Ok(taken) = self.ends.postures_taken.pop() {
             self.active = true;

@@ -1,5 +1,5 @@
-//! Machine faults as the exchange thread sees them: remembered, told, re-armed, their flight records
-//! put on disk.
+//! Hardware faults on the exchange thread: stores, reports and re-arms them, and writes their flight
+//! records to disk.
 
 use crate::disk::flight_files::csv;
 use crate::exchange::Exchange;
@@ -8,14 +8,14 @@ use crate::executor::latch::Latched;
 use crate::fault::Fault;
 
 impl<P: Clone + PartialEq> Exchange<'_, P> {
-    /// Looks after what the loop latched, and after its answer to a re-arm.
+    /// Handles a fault that the loop latched, and its reply to a re-arm.
     pub(crate) fn watch_latch(&mut self) {
         let fault = self.setup.latch.fault();
         if let (Some(fault), None) = (fault, self.latched) {
             self.latched = Some(Latched::now(fault));
             self.remember();
             let why = Fault::describe(fault as u32);
-            tracing::error!("machine fault: {why}; the arm is held until `skillet rearm`");
+            tracing::error!("the arm is held: {why}; run `skillet rearm` to resume");
         }
         if !self.is_rearming {
             return;
@@ -34,7 +34,7 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
         }
     }
 
-    /// Asks the loop to hold the arm.
+    /// Makes the loop hold the arm.
     pub(crate) fn hold(&mut self) -> Result<(), Refusal> {
         if self.setup.n_joints == 0 {
             return Err(Refusal::NoArm);
@@ -43,7 +43,7 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
         Ok(())
     }
 
-    /// Asks the loop to re-arm.
+    /// Makes the loop re-arm.
     pub(crate) fn rearm(&mut self) -> Result<(), Refusal> {
         let Latched { fault, .. } = self.latched.ok_or(Refusal::NothingLatched)?;
         if self.setup.latch.is_present() {
@@ -62,14 +62,14 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
         }
     }
 
-    /// Puts the loop's flight records on disk, and gives their boxes back.
+    /// Writes the loop's flight records to disk, and returns their boxes.
     pub(crate) fn take_flights(&mut self) {
         while let Ok(mut record) = self.ends.flights.pop() {
             self.active = true;
             if let (Some(files), Some(last)) = (&mut self.flights, record.last()) {
                 let path = files.add(self.boot_id, last.tick);
                 let why = Fault::describe(last.fault);
-                tracing::warn!("fault: {why}; the ticks before it: {}", path.display());
+                tracing::warn!("fault: {why}; the ticks before it are in {}", path.display());
                 self.catalogue.order(path, csv(&record, self.setup.n_joints));
             }
             record.clear();

@@ -25,11 +25,11 @@ type AdmitPosture<'a> =
 type CheckPosture<'a, P> = &'a dyn Fn(&P, &PostureMove) -> Result<(), Disturbed>;
 
 pub(crate) struct Setup<'a, P> {
-    /// Of this start of the controller.
+    /// Identifies this start of the controller.
     pub boot_id: u64,
-    /// Of a proposal, which is executed once.
+    /// Admission of a proposal, which is executed once.
     pub admit: Admit<'a, P>,
-    /// Of a policy that is to be served: with the dry run.
+    /// Admission of a policy to be served, with the dry run.
     pub admit_to_serve: Admit<'a, P>,
     pub admit_posture: AdmitPosture<'a>,
     pub check_posture: CheckPosture<'a, P>,

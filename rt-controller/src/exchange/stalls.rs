@@ -1,14 +1,14 @@
-//! Times when the loop stood still, as a process that is stopped, swapped out or starved does: told,
-//! counted and remembered.
+//! Stalls of the loop, when its process is stopped, swapped out or starved: logged, counted and
+//! remembered.
 //!
-//! In real time the loop's own wake-ups say so. Without deadlines nothing is late; there it shows in the
-//! rounds of the exchange thread, which stands still with it.
+//! In real time the loop's own wake-ups show a stall. Without deadlines nothing is late; there it shows in
+//! the rounds of the exchange thread, which stalls with it.
 
 use std::time::{Duration, Instant};
 
 use crate::exchange::loop_report::LoopReport;
 
-/// A loop in real time that wakes up so late stood still: for hundreds of ticks.
+/// A real-time loop that wakes up this late has stalled for hundreds of ticks.
 const LATE: Duration = Duration::from_millis(200);
 /// Rounds take microseconds; on a busy host a thread may wait for its turn.
 const ROUND: Duration = Duration::from_secs(1);
@@ -36,7 +36,7 @@ impl Stalls {
         }
     }
 
-    /// Once a round of the exchange thread, with what the loop has reported since the one before.
+    /// Called once per round of the exchange thread, with the loop's reports since the last one.
     /// While there is no plant nothing ticks.
     pub fn see(&mut self, report: &LoopReport, is_absent: bool) {
         let fresh = report.fresh + usize::from(is_absent);
@@ -56,7 +56,7 @@ impl Stalls {
             self.last = Some((stall, now));
             tracing::warn!(
                 stalls = self.count,
-                "the loop stood still for {:.1} s",
+                "the loop stalled for {:.1} s",
                 stall.as_secs_f64()
             );
         } else if round >= ROUND {
@@ -65,7 +65,7 @@ impl Stalls {
         }
     }
 
-    /// For how long it stood still the last time, and how long ago that ended.
+    /// Duration of the last stall, and time since its end.
     pub fn last(&self) -> Option<(Duration, Duration)> {
         self.last.map(|(stall, ended)| (stall, ended.elapsed()))
     }

@@ -1,4 +1,4 @@
-//! What the controller says of itself.
+//! The controller's status.
 
 use std::sync::Arc;
 use std::time::Duration;

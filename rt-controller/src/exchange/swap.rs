@@ -25,7 +25,7 @@ pub(crate) enum SwapRefused {
     #[error("a swap to policy {0} is under way: wait for its acknowledgement and try again")]
     UnderWay(String),
     #[error(
-        "there is no earlier policy to go back to, and no good one yet: activate one by its id"
+        "there is no earlier policy to roll back to, and no good one yet: activate one by its id"
     )]
     NoWayBack,
     #[error("no policy is active and none is good yet: activate one first")]

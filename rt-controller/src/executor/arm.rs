@@ -51,7 +51,7 @@ pub(crate) struct RtLoop<'a, P: Plant> {
     is_reset: bool,
     running: Option<Running>,
     undelivered: Option<Done>,
-    /// Of the policy in the controller, for observers.
+    /// Digest of the policy in the controller, for observers.
     policy_digest: u64,
     /// The newest one, for rollouts that are no experiments.
     posture: PostureOrder,

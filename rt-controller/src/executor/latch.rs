@@ -1,4 +1,4 @@
-//! The latch of a machine fault: the loop owns it, the exchange thread sees it and asks to re-arm.
+//! The latch of a hardware fault: the loop owns it, the exchange thread reads it and requests a re-arm.
 //!
 //! Plain atomics: neither side ever waits for the other.
 

@@ -23,7 +23,7 @@ impl Recording {
         Recording { stride, n_ticks: 0, n_records: 0, applied_tick: 0, applied_ns: 0 }
     }
 
-    /// Of a world without ticks, which recorded all there was at once.
+    /// The recording of a world without ticks, which writes all records at once.
     pub fn at_once(n_records: usize, applied_tick: u64, applied_ns: u64) -> Recording {
         Recording { stride: 1, n_ticks: n_records, n_records, applied_tick, applied_ns }
     }

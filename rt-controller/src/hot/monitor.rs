@@ -1,4 +1,4 @@
-//! What may be wrong with the machine, judged by what the tick knows anyway.
+//! Detects hardware faults from values that the tick computes anyway.
 //!
 //! Three checks between a sample k and the one before it, dt apart by the plant's own stamps: a loop
 //! that was late, or missed deadlines, sees a longer dt and no force.

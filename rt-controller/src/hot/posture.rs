@@ -1,5 +1,5 @@
-//! The posture that the null space is drawn to while a policy acts: the start posture, or beside it, where
-//! somebody has moved it.
+//! The posture that the null space is pulled to while a policy acts: the start posture, plus the operator's
+//! offset.
 
 use nalgebra::ArrayStorage;
 use physics::arm::{JointVector, MAX_JOINTS};

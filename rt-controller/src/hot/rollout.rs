@@ -54,7 +54,7 @@ pub struct Rollout {
     executed: f64,
     /// The phase's first sample is still to come: its time is 0.
     is_new: bool,
-    /// Of the last sample, ns.
+    /// Time stamp of the last sample, ns.
     stamp: Option<u64>,
     period_s: f64,
     period_ns: u64,

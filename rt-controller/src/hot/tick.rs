@@ -64,8 +64,8 @@ struct Settings {
 const _: () = assert!(!std::mem::needs_drop::<Controller>());
 
 impl<'a> Controller<'a> {
-    /// `q0` is the start posture: where rollouts begin, and what the null space is drawn to until somebody
-    /// moves it. `referee` is one that has seen nothing yet.
+    /// `q0` is the start posture: where rollouts begin, and what the null space is pulled to until an
+    /// operator moves it. `referee` is one that has seen nothing yet.
     pub fn new(
         model: &'a ArmModel,
         q0: &JointVector,

@@ -33,7 +33,7 @@ impl ArmState {
 /// What the arm weighs at its tip, for the torques of one tick.
 pub struct TaskInertia {
     M_inv_Jt: SMatrix<f64, MAX_JOINTS, 6>,
-    /// Of Λ⁻¹ = J M⁻¹ Jᵀ, regularised.
+    /// Cholesky factor of Λ⁻¹ = J M⁻¹ Jᵀ, regularised.
     lambda: Cholesky<f64, U6>,
 }
 

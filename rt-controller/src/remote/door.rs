@@ -1,6 +1,6 @@
-//! The door that plants come to: a thread that lets one in, watches over it and sees it off.
+//! The socket for plants: a thread that accepts one plant, monitors it and closes its connection.
 //!
-//! Everything that takes its time or its words happens here, so that the rt thread only sends and receives.
+//! Everything slow happens here, so that the rt thread only sends and receives.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -17,13 +17,13 @@ use shm_types::plant::{MODE_STOP, PlantCommand, PlantHello, PlantState, PlantWel
 use crate::remote::expected::{Expected, External};
 use crate::remote::{Arrival, Departure, DoorEnds, Ended};
 
-/// How long a plant may take to say who it is, and then for its first sample.
+/// Timeout for a plant's Hello, and then for its first sample.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// Between two looks at everything.
+/// Time between two checks.
 const ROUND: Duration = Duration::from_millis(20);
-/// Until the loop has noticed that its plant is gone.
+/// Time until the loop has noticed that its plant is gone.
 const MOMENT: Duration = Duration::from_millis(1);
-/// A simulator whose time stands still hears this often that somebody is there.
+/// How often a simulator whose time stands still gets a sign of life.
 const SIGN_OF_LIFE: Duration = Duration::from_millis(500);
 
 pub(crate) struct Door {
@@ -45,7 +45,7 @@ struct Inside {
     name: String,
 }
 
-/// The thread that minds a door; it ends with this.
+/// The thread of a socket; it ends when this is dropped.
 pub(crate) struct DoorThread {
     is_over: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
@@ -62,7 +62,7 @@ impl Drop for DoorThread {
 }
 
 impl Door {
-    /// Opens one at the socket of `external`, and minds it.
+    /// Opens the socket of `external` and starts its thread.
     pub fn open(
         external: External,
         boot_id: u64,
@@ -80,7 +80,7 @@ impl Door {
         Ok(DoorThread { is_over, thread })
     }
 
-    /// Until `stop` is set.
+    /// Runs until `stop` is set.
     fn run(mut self, stop: &AtomicBool) {
         while !stop.load(Ordering::Relaxed) {
             self.look_after();
@@ -88,7 +88,7 @@ impl Door {
                 Ok(Some((link, uid))) => self.meet(link, uid, stop),
                 Ok(None) => {}
                 Err(error) => {
-                    tracing::warn!("the door for plants: {error}");
+                    tracing::warn!("plant socket: {error}");
                     std::thread::sleep(ROUND);
                 }
             }
@@ -99,7 +99,7 @@ impl Door {
         }
     }
 
-    /// The plant in the loop: is it there, does it know that we are?
+    /// Checks the connected plant, and sends it signs of life.
     fn look_after(&mut self) {
         let Some(inside) = &self.inside else { return };
         if let Ok(Departure { why, .. }) = self.ends.departures.pop() {
@@ -109,7 +109,7 @@ impl Door {
             }
             tracing::error!(
                 plant = inside.name,
-                "the plant is lost: {why}; the arm is held. Start it again, then `skillet rearm`"
+                "the plant is lost: {why}; the arm is held. Restart the plant, then run `skillet rearm`"
             );
             self.inside = None;
             self.ends.has_hung_up.store(false, Ordering::Release);
@@ -154,12 +154,12 @@ impl Door {
                 let link = Arc::new(link);
                 let arrival = Arrival { line: Line::new(link.clone(), shared), state };
                 if self.ends.arrivals.push(arrival).is_ok() {
-                    tracing::info!(plant = hello.name(), "the plant is there");
+                    tracing::info!(plant = hello.name(), "plant connected");
                     self.inside = Some(Inside { link, name: hello.name() });
                 }
             }
             Err(why) => {
-                tracing::warn!("a plant is refused: {why}");
+                tracing::warn!("plant refused: {why}");
                 let _ = link.send(&PlantWelcome::refused(&why));
             }
         }
@@ -233,7 +233,7 @@ fn within_patience<'a>(
 fn said_instead(expected: &str, said: &Result<Option<Message>, LinkError>) -> String {
     let seconds = PATIENCE.as_secs();
     match said {
-        Ok(Some(_)) => format!("it sent another message than its {expected}"),
+        Ok(Some(_)) => format!("expected its {expected}, got another message"),
         Ok(None) => format!("it sent no {expected} within {seconds} s"),
         Err(error) => format!("before its {expected}: {error}"),
     }

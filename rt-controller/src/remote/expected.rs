@@ -40,7 +40,7 @@ pub struct Expected {
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum Refused {
     #[error(
-        "it speaks version {theirs} of the protocol, the controller {PLANT_VERSION}: update the older one"
+        "it uses version {theirs} of the protocol, the controller {PLANT_VERSION}: update the older one"
     )]
     Version { theirs: u64 },
     #[error("it has {theirs} joints, the controller's arm {ours}: start both with the same arm")]
@@ -54,16 +54,14 @@ pub enum Refused {
     )]
     Period { theirs: u64, ours: u64 },
     #[error(
-        "it says that it is real, so its samples are the clock: start the controller with --pace plant"
+        "it declares itself real, so its samples are the clock: start the controller with --pace plant"
     )]
     Real,
     #[error(
-        "it says that it is simulated, and is stepped in lockstep: start the controller with --pace max or realtime"
+        "it declares itself simulated and is stepped in lockstep: start the controller with --pace max or realtime"
     )]
     Simulated,
-    #[error(
-        "it is simulated and cannot reset itself: every rollout begins in a world at its start"
-    )]
+    #[error("it is simulated but cannot reset itself: every rollout needs a reset world")]
     Reset,
     #[error(
         "it was made from another URDF, of sha256 {theirs}…, the controller's is {ours}…: start both with the same file"
@@ -77,12 +75,12 @@ pub enum Refused {
         "its joint {joint} rests at {found} rad, the arm's moves within {min}..={max}: check units and zero"
     )]
     Posture { joint: String, found: f64, min: f64, max: f64 },
-    #[error("it tracks no object, and the task looks at one")]
+    #[error("it tracks no object, but the task needs one")]
     Object,
 }
 
 impl Expected {
-    /// Of `model`, in lockstep unless the plant is the clock.
+    /// Expects the arm of `model`, in lockstep unless the plant is the clock.
     pub fn of(model: &ArmModel, period_ns: u64, is_simulated: bool) -> Expected {
         let (limits, n) = (model.limits(), model.n_joints());
         Expected {

@@ -26,8 +26,8 @@ const LOOK: Duration = Duration::from_millis(5);
 const MAX_WAITING: usize = 64;
 /// A torque for a real arm is worth something for so many periods.
 const WORTH_PERIODS: u64 = 3;
-/// Between the last sample of one plant and the first of the next one, ns: long enough that nobody compares
-/// the two.
+/// Between the last sample of one plant and the first of the next one, ns: long enough that the two are not
+/// compared.
 const CHANGE_NS: u64 = 1_000_000_000;
 
 /// How far from the start posture an episode may begin, rad, and how fast, rad/s.

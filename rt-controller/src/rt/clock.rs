@@ -30,7 +30,7 @@ pub struct Wake {
 }
 
 impl Wake {
-    /// Of a loop that no clock paces.
+    /// The wake-up of a loop that is not paced by a clock.
     pub const UNPACED: Wake = Wake { late_ns: 0, missed: 0, overruns: 0 };
 }
 

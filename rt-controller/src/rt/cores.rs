@@ -1,4 +1,4 @@
-//! Which core is the loop's, and who stays away from it.
+//! The loop's core, and the threads kept off it.
 
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 
@@ -9,7 +9,7 @@ pub fn loop_core(configured: Option<usize>) -> usize {
 }
 
 /// Keeps the calling thread, and whatever it starts from now on, off the loop's core. Priorities
-/// alone do not: where a process starts or dies, the kernel works for it and lets nobody in.
+/// alone do not suffice: while a process starts or dies, the kernel occupies the core.
 /// `false` when there is no other core to go to.
 pub fn leave_core(core: usize) -> bool {
     let mut others = allowed();

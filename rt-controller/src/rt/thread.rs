@@ -33,9 +33,9 @@ pub fn acquire(priority: u8, core: usize) -> Privileges {
     }
     match stay_awake() {
         Ok(file) => granted._awake = Some(file),
-        Err(error) => granted
-            .missing
-            .push(format!("cores may sleep deeply ({CPU_LATENCY}: {error}): allow writing to it")),
+        Err(error) => granted.missing.push(format!(
+            "deep idle states are not disabled ({CPU_LATENCY}: {error}): make it writable"
+        )),
     }
 
     let mut set = CpuSet::new();
@@ -77,7 +77,7 @@ impl Drop for Raised {
     }
 }
 
-/// Of the calling thread; 0 when it was granted.
+/// Sets the scheduling policy of the calling thread; returns 0 on success.
 fn set_policy(policy: i32, priority: u8) -> i32 {
     // SAFETY: sched_param is a plain C struct for which all zeros is valid; pid 0 is this thread.
     unsafe {

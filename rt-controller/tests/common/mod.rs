@@ -63,7 +63,7 @@ pub fn field() -> PolicyMsg {
     field.sealed()
 }
 
-/// Of a toss, as the pancake's.
+/// The referee of a toss, as for the pancake.
 pub fn referee() -> Referee {
     Referee::Toss(Toss::new(&TossConfig::default()))
 }

@@ -24,7 +24,7 @@ pub const SOON: Duration = Duration::from_secs(30);
 
 /// How a test's controller runs.
 pub struct Service<'a> {
-    /// Of the cell; each process has its own.
+    /// Name of the cell; each process has its own.
     pub name: &'a str,
     pub model: &'a ArmModel,
     pub config: &'a ControllerConfig,

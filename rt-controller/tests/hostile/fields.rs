@@ -17,7 +17,7 @@ const GAIN: f64 = 1e-5;
 const SMALL: f64 = 0.1;
 const LAMBDA: f64 = 0.05;
 
-/// Of systems: nearly all of them within their bounds, or on them.
+/// A policy of systems, nearly all of them within or on their bounds.
 pub fn at_the_bounds(rng: &mut ChaCha8Rng, arm: &Arm) -> PolicyMsg {
     let mut policy = PolicyMsg {
         task_dim: [3, 4, 6][rng.random_range(0..3)],

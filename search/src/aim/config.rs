@@ -7,21 +7,21 @@ use crate::range::{ConfigError, Range, check, range};
 /// More parts than there are rollouts are never covered.
 const MAX_PARTS: usize = 100;
 
-/// A measure and the window it is to lie in.
+/// A measure and its target window.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Target {
-    /// Name of the measure, which the search itself does not know.
+    /// Name of the measure; it has no meaning to the search.
     pub measure: String,
-    /// A truth value without which there is no such measure, as `tossed`.
+    /// A truth value without which the measure does not exist, such as `tossed`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub when: Option<String>,
     /// The window, in the unit of the measure.
     pub min: f64,
     pub max: f64,
-    /// How much the measure changes with one unit of exploration, about, in its unit.
+    /// Approximate change of the measure per unit of exploration, in its unit.
     pub scale: f64,
-    /// Equal parts of the window that a search which covers it succeeds in, each.
+    /// Number of equal parts of the window; a covering search aims at a success in each.
     #[serde(default = "whole", skip_serializing_if = "is_whole")]
     pub parts: usize,
 }
@@ -73,7 +73,7 @@ pub enum Then {
     /// More of the same.
     #[default]
     Aim,
-    /// PoWER among the successes, for what no target speaks of.
+    /// PoWER among the successes, for everything the targets do not cover.
     Power,
     /// Successes in every part of the windows.
     Cover,
@@ -82,12 +82,12 @@ pub enum Then {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct AimConfig {
-    /// Whether the task's prediction of its measures is used, where it has one.
+    /// Whether to use the task's prediction of its measures, if it has one.
     pub predict: bool,
     /// Policies drawn around the start, of which the most promising one is executed, in scaled units.
     pub candidates: usize,
     pub std: f64,
-    /// Length over which what was measured says something local, in units of `std`.
+    /// Length scale of local effects on the measures, in units of `std`.
     pub length: f64,
     pub then: Then,
     /// Successes after which `then` begins, and PoWER's floor from there on.

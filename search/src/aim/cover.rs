@@ -20,7 +20,7 @@ pub struct Cover {
 struct Part {
     /// Trials that were aimed at it, or came to lie in it.
     tried: u64,
-    /// Of those that lie in it, with all measures in their windows.
+    /// Trials in the part that succeeded, with all measures in their windows.
     succeeded: u64,
     failed: u64,
 }

@@ -1,8 +1,8 @@
-//! What is expected of one measure: its prediction and what the prediction was off by, or what was measured
+//! The expected value of one measure: from its prediction and the prediction's errors, or from measured values
 //! alone.
 //!
 //! Both processes see every measured value. The residual's is used as long as it foretells the values about
-//! as well as the data's does: a prediction that is wrong by far loses its say (the Bayes factor of the two,
+//! as well as the data's does: a prediction that is far off loses its influence (the Bayes factor of the two,
 //! Rasmussen and Williams 2006, Sec. 5.4.1, over all values but the first, which is the data's prior mean).
 
 use nalgebra::DVector;
@@ -13,9 +13,9 @@ use super::window::log_within;
 
 /// Standard deviation of what does not repeat from rollout to rollout, in widths of the window.
 const NOISE: f64 = 1.0 / 15.0;
-/// Of the same values the prediction's error is smaller than their change, before anything was measured.
+/// Prior error of the prediction, relative to the predicted change.
 const ERROR: f64 = 0.5;
-/// Of a residual, half of the variance is the same everywhere.
+/// Standard deviation of the constant part of a residual: half of its variance.
 const EVERYWHERE: f64 = std::f64::consts::FRAC_1_SQRT_2;
 /// What is local changes less than what is a slope.
 const LOCAL: f64 = 0.8;

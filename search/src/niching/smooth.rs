@@ -12,7 +12,7 @@ const LENGTHS: [f64; 7] = [0.2, 0.3, 0.45, 0.7, 1.0, 1.5, 2.2];
 pub struct Smooth {
     points: Vec<DVector<f64>>,
     length: f64,
-    /// Of the kernel matrix K of the points.
+    /// Cholesky factor of the kernel matrix K of the points.
     factor: Cholesky<f64, Dyn>,
     mean: f64,
     /// K⁻¹(y − mean).

@@ -1,4 +1,4 @@
-//! What of the distribution is executed: a draw, the best of some draws, or the mean.
+//! Chooses what is executed: a draw, the best of some draws, or the mean.
 
 use nalgebra::DVector;
 
@@ -19,9 +19,9 @@ const FEWEST: usize = 2;
 /// An update with the same elites moves the mean by rounding only, in units of the floor.
 const SAME: f64 = 1e-9;
 
-/// Of the noise with each success, until it is as wide as Eq. (6) says.
+/// Growth of the noise with each success, until it is as wide as in Eq. (6).
 const GROWTH: f64 = 1.02;
-/// Where a world's own chances make draws fail, less noise helps nobody.
+/// If the world's own randomness makes draws fail, less noise does not help.
 const NARROWEST: f64 = 0.2;
 
 impl Power {

@@ -64,7 +64,7 @@ struct Component {
     mean: DVector<f64>,
     kappa: f64,
     nu: f64,
-    /// Of W⁻¹.
+    /// Cholesky factor of W⁻¹.
     cholesky: Cholesky<f64, nalgebra::Dyn>,
 }
 

@@ -1,6 +1,6 @@
-//! Samples and answers in shared memory, for a simulator that polls for its answers on a core of its own.
+//! Samples and replies in shared memory, for a simulator that polls on its own core.
 //!
-//! Each visit of a plant has two blackboards to itself, under names that nobody had before: a writer that is killed
+//! Each visit of a plant has two blackboards to itself, under names never used before: a writer that is killed
 //! blocks its key for ever. A blackboard holds the newest value, and in lockstep there is no other. Reading
 //! and writing it neither allocates nor enters the kernel.
 

@@ -42,9 +42,9 @@ pub fn path(cell: &Cell) -> PathBuf {
 /// Why a connection has ended, or must.
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
 pub enum LinkError {
-    #[error("the other end is gone")]
+    #[error("the other end has closed the connection")]
     Gone,
-    #[error("a message of kind {kind} with {length} bytes is none of the protocol's")]
+    #[error("a message of kind {kind} with {length} bytes is not part of the protocol")]
     Malformed { kind: u64, length: usize },
     #[error("the socket failed: {0}")]
     Io(Errno),
@@ -60,7 +60,7 @@ pub enum SocketError {
     )]
     TooLong { path: PathBuf, length: usize },
     #[error(
-        "no controller that waits for a plant at {path} after {seconds:.1} s: start one with \
+        "no controller is waiting for a plant at {path} after {seconds:.1} s: start one with \
          `skillet controller --plant external`"
     )]
     Nobody { path: PathBuf, seconds: f64 },

@@ -1,4 +1,4 @@
-//! What the same host does to a loop that is not ours to blame.
+//! Reference loops on the same host: an empty loop, and cyclictest.
 
 use std::process::Command;
 use std::sync::atomic::{AtomicBool, Ordering};

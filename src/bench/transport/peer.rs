@@ -25,7 +25,7 @@ pub struct Peer {
     process: Process,
 }
 
-/// Does not outlive whoever started it.
+/// Does not outlive the process that started it.
 struct Process(Child);
 
 impl Peer {

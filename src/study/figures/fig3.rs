@@ -1,4 +1,4 @@
-//! Fig. 3, right: stiffness over time, of the answers of many seeds.
+//! Fig. 3, right: stiffness over time, of the selected policies of many seeds.
 
 use anyhow::Result;
 
@@ -49,7 +49,7 @@ fn panel(curves: Vec<Curve>, initial: Curve, label: &'static str) -> Panel {
     plot.panel
 }
 
-/// Of all curves at each time.
+/// The quantile of all curves at each time.
 fn quantile(curves: &[Curve], share: f64) -> Curve {
     let at = |k: usize| {
         let mut values: Vec<f64> = curves.iter().map(|curve| curve[k].1).collect();

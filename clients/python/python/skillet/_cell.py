@@ -18,7 +18,7 @@ class Cell:
         number = cell.load("policy.toml")
         cell.activate(number)
 
-    Every method calls the tool with --json and returns its answer, or raises `ToolError` with the tool's words.
+    Every method calls the tool with --json and returns its output, or raises `ToolError` with the tool's message.
     """
 
     def __init__(self, name: str = "skillet", *, timeout: float = 60.0):
@@ -45,7 +45,7 @@ class Cell:
         return self._run("policy", "list")
 
     def load(self, policy: Union[Policy, str, os.PathLike], policy_id: Optional[int] = None) -> dict[str, Any]:
-        """Checks a policy, a policy file or a session (its answer, or `policy_id`) and imports it; the reply has its
+        """Checks a policy, a policy file or a session (its selected policy, or `policy_id`) and imports it; the reply has its
         number as `policy_id`."""
         if isinstance(policy, Policy):
             with tempfile.TemporaryDirectory() as folder:

@@ -74,7 +74,7 @@ pub fn fit(
     Ok(sealed(policy, PolicyIds::default()))
 }
 
-/// Of a coordinate in a recording, m.
+/// The unit of a coordinate in a recording, m.
 fn unit(coordinate: usize) -> f64 {
     if coordinate < N_POSITIONS { 1.0 } else { RADIAN_M }
 }

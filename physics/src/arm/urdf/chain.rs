@@ -1,5 +1,5 @@
-//! The chain from base to tip: which joints it moves, which are held and where; and, when nobody
-//! names a tip, which chain of the file is its arm.
+//! The chain from base to tip: which joints it moves, which are held and where; and, without a
+//! given tip, which chain of the file is its arm.
 
 use std::collections::HashMap;
 

@@ -139,11 +139,9 @@ pub(super) fn read(text: &str, findings: &mut Findings) -> Result<Robot, UrdfErr
 
 fn other_root(root: &str) -> UrdfFault {
     let advice = match root {
-        "sdf" | "gazebo" | "world" | "model" => {
-            "SDF is another format: look for the URDF beside it"
-        }
+        "sdf" | "gazebo" | "world" | "model" => "SDF is another format: look for a URDF next to it",
         "mujoco" => "MJCF is another format: look for the URDF it was made from",
-        "COLLADA" => "that is a mesh: give the URDF that refers to it",
+        "COLLADA" => "this is a mesh: give the URDF that refers to it",
         _ => "give a URDF file",
     };
     UrdfFault::NotUrdf { root: root.into(), advice }

@@ -76,8 +76,8 @@ struct System {
 }
 
 impl System {
-    /// Of `d` learnt coordinates and a ξʷ of `drive_dim`. A covariance that is not positive definite,
-    /// which admission refuses, makes the system as likely everywhere.
+    /// A system of `d` learnt coordinates and a ξʷ of `drive_dim`. A covariance that is not positive definite,
+    /// which admission refuses, makes the system equally likely everywhere.
     fn new(message: &LinearSystem, d: usize, drive_dim: usize) -> System {
         // Unit variances fill Σᵢ up to 6×6: they add nothing to ln|Σᵢ|.
         let covariance = block(drive_dim, |row, column| message.covariance_at(row, column))

@@ -121,7 +121,7 @@ fn what_is_forgotten_says_nothing_any_more() {
 /// Distance from (1, 1, 1, 1) within which rollouts succeed.
 const NEAR: f64 = 1.3;
 
-/// Share of successes in the last 20 of 100 rollouts, which somebody rates who errs in one of `every`.
+/// Share of successes in the last 20 of 100 rollouts, rated with one error in `every`.
 fn late(noise: f64, seed: u64, every: u32) -> f64 {
     let config = PowerConfig { noise, ..PowerConfig::default() };
     let mut search = Power::new(config, seed, Space::white(DVector::zeros(4)));
