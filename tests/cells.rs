@@ -106,7 +106,7 @@ fn learn_with_several_cells_survives_the_death_of_one() {
     let output = learn.wait();
     let said = stderr(&output);
     assert!(output.status.success(), "{said}");
-    assert!(said.contains("going on with 2 of the cells"), "{said}");
+    assert!(said.contains("continuing with 2 of the cells"), "{said}");
     let trials = expect_whole(&bench, "s", 60);
     let cells: BTreeSet<&str> = trials.iter().map(|trial| trial.cell.as_str()).collect();
     assert!(cells.len() >= 2, "{cells:?}");

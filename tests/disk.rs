@@ -133,7 +133,7 @@ fn a_disk_that_fills_up_under_the_session_makes_the_learner_wait() {
     let stored = stand_still(&bench, &place, &trials);
     kill(first.pid(), "KILL");
     let said = stderr(&first.wait());
-    for word in ["no space left", "session.db", "free some", "waiting", "stored after all"] {
+    for word in ["no space left", "session.db", "free some", "retrying", "stored; continuing"] {
         assert!(said.contains(word), "no '{word}' in: {said}");
     }
     let refused = place.start(&bench, &learner).wait();

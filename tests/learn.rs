@@ -120,7 +120,7 @@ fn killed_children_are_named_and_nothing_is_lost() {
         let message = stderr(&output);
         assert_eq!(output.status.code(), Some(2), "{message}");
         assert!(message.contains(&format!("the {victim} was killed by signal 9")), "{message}");
-        assert!(message.contains(&format!("The {survivor} is ended in order")), "{message}");
+        assert!(message.contains(&format!("The {survivor} was ended cleanly")), "{message}");
         eventually("end of the survivor", || (!is_alive(other)).then_some(()));
 
         bench.ok(&[&learn(victim)[..], &["--rollouts", "20"]].concat());

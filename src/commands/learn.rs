@@ -88,7 +88,7 @@ fn prepare(args: &LearnArgs) -> Result<(SessionFolder, Config)> {
     let mut config = match (source, &args.arm) {
         (Some(path), None) => Config::load(Some(path))?,
         (Some(_), Some(_)) => bail!(
-            "{}: this session has its arm already: leave --arm out, or choose another folder",
+            "{}: this session already has an arm: omit --arm, or choose another folder",
             folder.dir().display()
         ),
         (None, Some(arm)) => Robot::find(arm)?.settle(&args.task, folder.dir())?,
@@ -122,7 +122,7 @@ fn prepare(args: &LearnArgs) -> Result<(SessionFolder, Config)> {
     }
     config.validate()?;
     if args.cells > 1 && config.plant.socket.is_some() {
-        bail!("--cells {}: every cell has a plant of its own; leave plant.socket out", args.cells);
+        bail!("--cells {}: every cell has a plant of its own; omit plant.socket", args.cells);
     }
 
     if folder.has_session() {
@@ -337,7 +337,7 @@ fn watch(
             }
             if !status.success() {
                 bail!(
-                    "{}\nThe controller is ended in order; the session up to the last trial is \
+                    "{}\nThe controller was ended cleanly; the session up to the last trial is \
                      saved and resumes with the same command.",
                     learner.obituary(status)
                 );
@@ -345,11 +345,13 @@ fn watch(
             return Ok((trials, start.elapsed(), false));
         }
         bury(controllers, progress)?;
-        for service in plants.iter_mut().chain(&mut *controllers) {
+        let plants = plants.iter_mut().map(|plant| (plant, "others were"));
+        let controllers = controllers.iter_mut().map(|controller| (controller, "learner was"));
+        for (service, survivors) in plants.chain(controllers) {
             if let Some(status) = service.exited()? {
                 bail!(
-                    "{}\nThe others are ended cleanly; the session up to the last trial is saved and \
-                     resumes with the same command.",
+                    "{}\nThe {survivors} ended cleanly; the session up to the last trial is saved and resumes \
+                     with the same command.",
                     service.obituary(status)
                 );
             }
@@ -365,7 +367,7 @@ fn bury(controllers: &mut Vec<Service>, progress: &Progress) -> Result<()> {
             Some(status) => {
                 let obituary = controllers.remove(k).obituary(status);
                 let left = controllers.len();
-                progress.note(&format!("{obituary}\ngoing on with {left} of the cells"));
+                progress.note(&format!("{obituary}\ncontinuing with {left} of the cells"));
             }
             None => k += 1,
         }
@@ -419,7 +421,7 @@ fn show(line: &str, progress: &Progress) -> Result<u64> {
         return Ok(0);
     }
     let trial = serde_json::from_str::<TrialLine>(line)
-        .with_context(|| format!("the learner said something else: {line}"))?;
+        .with_context(|| format!("unexpected output of the learner: {line}"))?;
     progress.trial(&trial);
     Ok(1)
 }

@@ -93,14 +93,14 @@ pub fn run(args: &LearnerArgs) -> Result<Verdict> {
         trials = learner.trials().len(),
         modes = modes.len(),
         answer = answer.map(|report| report.number),
-        "learner ended in order"
+        "learner ended cleanly"
     );
     Ok(if end == End::Done { Verdict::Done } else { Verdict::Negative })
 }
 
 fn start_recording(folder: &SessionFolder, config: &Config) -> Result<SessionRecorder> {
     for recovered in recover_left(folder.dir())? {
-        tracing::info!(file = %recovered.display(), "recording completed: its learner had died");
+        tracing::info!(file = %recovered.display(), "repaired a recording whose learner had died");
     }
     let path = folder.dir().join("recording.mcap");
     let limits = Limits { max_bytes: RECORDING_BYTES, by_rollout: false, object_always: true };
@@ -123,7 +123,7 @@ fn write_down(event: &Event<'_>, recording: &mut Option<SessionRecorder>) {
         _ => Ok(()),
     };
     if let Err(error) = result {
-        tracing::error!("{error:#}; recording stopped, learning goes on");
+        tracing::error!("{error:#}; recording stopped, learning continues");
         *recording = None;
     }
 }
@@ -158,7 +158,7 @@ fn cells(args: &LearnerArgs, config: &Config) -> Result<Vec<(String, Cell)>> {
         names => names,
     };
     if let Some(twice) = names.iter().enumerate().find(|(k, name)| names[..*k].contains(name)) {
-        bail!("--cell {}: named twice; one learner asks a cell once", twice.1);
+        bail!("--cell {}: named twice; name each cell once", twice.1);
     }
     let named = |(k, name): (usize, &String)| {
         let called = match args.child {
@@ -211,12 +211,12 @@ impl Log {
                 }
             }
             Event::NotStored(reason) => {
-                tell_manager("waiting: the disk refuses what was learnt");
-                tracing::error!("not stored: {reason}; waiting, tried again every second");
+                tell_manager("waiting: the disk is full or read-only");
+                tracing::error!("not stored: {reason}; retrying every second");
             }
             Event::Stored => {
                 tell_manager("learning");
-                tracing::info!("stored after all; going on");
+                tracing::info!("stored; continuing");
             }
             Event::Refused { rollout, reason } => {
                 line.refused = Some(reason.clone());
@@ -240,7 +240,7 @@ impl Log {
         match event {
             Event::Joined { cell } => {
                 tell_manager("learning");
-                tracing::info!("{}the controller is there", self.of(cell));
+                tracing::info!("{}connected to the controller", self.of(cell));
             }
             Event::NoController { cell } => {
                 tell_manager("waiting for a controller");
@@ -283,7 +283,7 @@ impl Log {
             }
             Event::LeftToOthers { cell, rollout } => {
                 tracing::warn!(
-                    "{}rollout {rollout} did not come back; another cell is asked for it",
+                    "{}rollout {rollout} did not come back; reassigned to another cell",
                     self.of(cell)
                 );
             }
@@ -301,7 +301,7 @@ impl Log {
             }
             Event::Retired { cell, reason } => {
                 tracing::error!(
-                    "{}{reason}; it is asked for nothing more until its controller is restarted",
+                    "{}{reason}; it gets no further rollouts until its controller is restarted",
                     self.of(cell)
                 );
             }
