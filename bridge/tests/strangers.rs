@@ -133,23 +133,24 @@ fn a_cell_with_the_keys_of_another_is_refused_and_told() {
 #[test]
 fn a_certificate_of_another_cell_is_not_heard_under_this_name() {
     let kitchen = Kitchen::new();
-    let of_lab = |file: &str| kitchen.keys.join("cells/lab").join(file).display().to_string();
-    let tls = [
-        ("root_ca_certificate", of_lab("ca.pem")),
-        ("connect_certificate", of_lab("cert.pem")),
-        ("connect_private_key", of_lab("key.pem")),
-    ];
-    let session = stranger(
-        &kitchen.machines.address,
-        &[&tls[..], &[("enable_mtls", "true".into())]].concat(),
-    );
-    if let Some(session) = session {
-        let header = header_of(&policy(1), 66);
-        let records = vec![TickRecord::ZERO; header.n_records as usize];
-        let bytes = head("kitchen").encode(Some((&header, &records)));
-        assert_eq!(ask(&session, "skillet/kitchen/turn", bytes), []);
-    }
+    let session_of = |cell: &str| {
+        let file =
+            |name: &str| kitchen.keys.join("cells").join(cell).join(name).display().to_string();
+        let tls = [
+            ("root_ca_certificate", file("ca.pem")),
+            ("connect_certificate", file("cert.pem")),
+            ("connect_private_key", file("key.pem")),
+            ("enable_mtls", "true".to_string()),
+        ];
+        stranger(&kitchen.machines.address, &tls).expect("its certificate is good")
+    };
+    let header = header_of(&policy(1), 66);
+    let records = vec![TickRecord::ZERO; header.n_records as usize];
+    let bytes = head("kitchen").encode(Some((&header, &records)));
+    assert_eq!(ask(&session_of("lab"), "skillet/kitchen/turn", bytes), []);
     kitchen.nothing_moved();
+    let answers = ask(&session_of("kitchen"), "skillet/kitchen/turn", head("kitchen").encode(None));
+    assert!(matches!(&answers[..], [Ok(_)]), "its own is heard: {answers:?}");
 }
 
 #[test]
