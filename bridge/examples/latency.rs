@@ -109,7 +109,7 @@ fn turns(dir: &Path, port: u16, keys: Option<&Path>) -> Result<Vec<Duration>, Fa
     };
     let stop = AtomicBool::new(false);
     std::thread::scope(|scope| {
-        let hub = scope.spawn(|| hub::run(&config, &stop, &|event| eprintln!("{event}")));
+        let hub = scope.spawn(|| hub::run(&config, &stop, &|_event| {}));
         let learner = scope.spawn(|| learner(&cell, &stop));
         std::thread::sleep(Duration::from_millis(500));
         let times = session("client", port, keys).and_then(|client| measure(&client));
