@@ -16,6 +16,7 @@ use bridge::turn::{NAME_LEN, Seen, TurnHead, WORLD_LEN};
 use serde_json::json;
 use shm_types::SCHEMA;
 use shm_types::cell::{Cell, Role};
+use shm_types::command::Status;
 use shm_types::episode::{Ack, EpisodeHeader, TickRecord};
 use shm_types::policy::PolicyMsg;
 use shm_types::ports::{LearnerPorts, wait_for_episode};
@@ -160,8 +161,10 @@ fn head(seen: Seen) -> TurnHead {
         bridge: 2,
         host: text::pack::<NAME_LEN>("here"),
         cell: text::pack::<NAME_LEN>("kitchen"),
+        certificate: text::pack::<NAME_LEN>(""),
         world: text::pack::<WORLD_LEN>(""),
         controller,
+        status: Status::ZERO,
         seen,
         has_episode: 0,
     }

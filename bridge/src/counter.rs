@@ -4,6 +4,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use shm_types::SCHEMA;
+use shm_types::command::Status;
 use shm_types::telemetry::Heartbeat;
 use zenoh::Wait;
 use zenoh::handlers::FifoChannelHandler;
@@ -13,7 +14,7 @@ use zenoh::sample::{Sample, SampleKind};
 use crate::answer::{VERDICT_NONE, VERDICT_PENDING};
 use crate::desk::Desk;
 use crate::event::Event;
-use crate::turn::{Episode, Seen, Turn, TurnHead};
+use crate::turn::{Episode, Seen, Turn, TurnHead, refusal};
 
 /// A cell that says nothing for so long is gone: another bridge may speak for it.
 const GONE: Duration = Duration::from_secs(3);
@@ -35,6 +36,7 @@ struct Owner {
     host: String,
     heard: Instant,
     controller: Heartbeat,
+    status: Status,
 }
 
 /// A turn that has no answer yet.
@@ -77,8 +79,8 @@ impl<'a> Counter<'a> {
             while let Ok(Some(token)) = tokens.try_recv() {
                 self.look_at(&token);
             }
-            let host = self.owner.as_ref().map_or("not joined", |owner| &owner.host);
-            self.desk.listen(host);
+            let owner = self.owner.as_ref();
+            self.desk.listen(owner.map(|owner| (&*owner.host, owner.status)));
             self.answer();
             let now = Instant::now();
             if now >= next_beat {
@@ -147,7 +149,7 @@ impl<'a> Counter<'a> {
         let now = Instant::now();
         match &mut self.owner {
             Some(owner) if owner.bridge == head.bridge => {
-                (owner.heard, owner.controller) = (now, controller);
+                (owner.heard, owner.controller, owner.status) = (now, controller, head.status);
                 return Ok(());
             }
             Some(owner) if owner.heard.elapsed() < GONE => {
@@ -162,7 +164,8 @@ impl<'a> Counter<'a> {
         (self.on_event)(Event::Joined { cell: cell.to_string(), host: host.clone() });
         // What another one has asked is nobody's any more.
         self.waiting.clear();
-        self.owner = Some(Owner { bridge: head.bridge, host, heard: now, controller });
+        self.owner =
+            Some(Owner { bridge: head.bridge, host, heard: now, controller, status: head.status });
         Ok(())
     }
 
@@ -250,7 +253,7 @@ impl<'a> Counter<'a> {
     }
 
     fn refuse(&mut self, query: &Query, reason: String) {
-        let _ = query.reply_err(reason.clone()).wait();
+        let _ = query.reply_err(refusal(&reason)).wait();
         self.once(Event::Refused { cell: self.desk.cell().to_string(), reason });
     }
 

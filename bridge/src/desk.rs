@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use shm_types::SCHEMA;
 use shm_types::cell::{Cell, CellLock, Role};
 use shm_types::channel::ChannelError;
-use shm_types::command::{Reply, Status};
+use shm_types::command::{COMMAND_STATUS, Reply, Status};
 use shm_types::episode::Ack;
 use shm_types::policy::{PolicyMsg, PolicyName};
 use shm_types::ports::ControllerPorts;
@@ -86,8 +86,9 @@ impl Desk {
         Ok(())
     }
 
-    /// Takes what the learner has published. Commands of tools are for the machine of the controller.
-    pub fn listen(&mut self, host: &str) {
+    /// Takes what the learner has published, and answers tools: `controller` is the machine of the controller and its
+    /// own word of itself. Commands are for that machine.
+    pub fn listen(&mut self, controller: Option<(&str, Status)>) {
         let Some(ports) = &self.ports else { return };
         while let Ok(Some(policy)) = ports.policies.receive() {
             match policy.validate() {
@@ -110,10 +111,17 @@ impl Desk {
             }
         }
         while let Ok(Some(request)) = ports.commands.receive() {
-            let reason = format!(
-                "the controller of this cell is on another machine ({host}), behind a bridge: run the command there"
-            );
-            let _ = request.send_copy(Reply::refused(request.id, Status::ZERO, &reason));
+            // Where there is none, silence is the right answer.
+            let Some((host, status)) = controller.filter(|(_, status)| status.boot_id != 0) else {
+                continue;
+            };
+            let reason =
+                format!("its controller is on {host}, behind a bridge: run the command there");
+            let reply = match request.kind {
+                COMMAND_STATUS => Reply::accepted(request.id, status),
+                _ => Reply::refused(request.id, status, &reason),
+            };
+            let _ = request.send_copy(reply);
         }
     }
 

@@ -16,7 +16,7 @@ use crate::counter::Counter;
 use crate::desk::Desk;
 use crate::event::Event;
 use crate::net::{self, DOOR, Keys, NetError, all_alive_key, turn_key};
-use crate::turn::Turn;
+use crate::turn::{Turn, refusal};
 
 /// Turns and tokens that may wait for the thread of their cell.
 const QUEUE: usize = 16;
@@ -102,21 +102,24 @@ pub fn run(
     Ok(())
 }
 
-/// Tells a cell why nobody answers its turns.
+/// Tells a cell why nobody answers its turns, if that is not for the network's sake.
 fn answer_at_the_door(query: &Query, names: &[String], on_event: &(dyn Fn(Event) + Sync)) {
     let bytes = query.payload().map(|payload| payload.to_bytes()).unwrap_or_default();
     let (cell, reason) = match Turn::decode(&bytes) {
         Err(error) => ("unknown".to_string(), error.to_string()),
         Ok(turn) => {
-            let cell = turn.head.cell_name();
-            let reason = if names.contains(&cell) {
-                "a certificate speaks for the cell it was made for and no other: take the keys of this cell".into()
-            } else {
+            let (cell, owner) = (turn.head.cell_name(), turn.head.certificate_name());
+            let reason = if !owner.is_empty() && owner != cell {
+                format!("it has the keys of cell '{owner}': take those of '{cell}'")
+            } else if !names.contains(&cell) {
                 format!("not in the allow-list ({}): add it to --allow", names.join(", "))
+            } else {
+                let _ = query.reply(DOOR, Vec::new()).wait();
+                return;
             };
             (cell, reason)
         }
     };
-    let _ = query.reply_err(format!("cell '{cell}': {reason}")).wait();
+    let _ = query.reply_err(refusal(&reason)).wait();
     on_event(Event::Refused { cell, reason });
 }

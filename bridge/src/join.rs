@@ -78,7 +78,7 @@ pub fn run(
     let mut reach = Reach::new(config, on_event);
     let Some(session) = reach.session(&mut seat, stop)? else { return Ok(()) };
     // A certificate speaks for its own cell alone; the hub says so to one that was mixed up.
-    let speaks_for = owner.unwrap_or_else(|| config.cell.name().to_string());
+    let speaks_for = owner.clone().unwrap_or_else(|| config.cell.name().to_string());
     let token = session.liveliness().declare_token(alive_key(&speaks_for, config.id)).wait();
     let _token = token.map_err(|error| NetError::Transport {
         address: config.connect.clone(),
@@ -90,6 +90,7 @@ pub fn run(
         seat,
         session: &session,
         key: turn_key(&speaks_for),
+        certificate: owner.unwrap_or_default(),
         out,
         seen: Seen::default(),
         learner: None,
@@ -109,6 +110,8 @@ struct Join<'a> {
     seat: Seat,
     session: &'a Session,
     key: String,
+    /// The name in it, or empty.
+    certificate: String,
     out: Sender<(Kind, Word)>,
     seen: Seen,
     /// The newest answer, and when it came.
@@ -146,6 +149,7 @@ impl Join<'_> {
             if now >= next_housekeeping {
                 next_housekeeping = now + HOUSEKEEPING;
                 self.seat.clean_up();
+                self.seat.ask_status();
             }
             self.take_turns();
         }
@@ -211,8 +215,10 @@ impl Join<'_> {
             bridge: config.id,
             host: text::pack(&net::host_name()),
             cell: text::pack(config.cell.name()),
+            certificate: text::pack(&self.certificate),
             world: text::pack(&config.world),
             controller: self.seat.controller(),
+            status: self.seat.status(),
             seen: self.seen,
             has_episode: 0,
         }
@@ -220,6 +226,8 @@ impl Join<'_> {
 
     fn hear(&mut self, kind: Kind, word: Word) {
         match word {
+            // It lets this cell in: then it is only the network.
+            Word::Answer(_) if kind == Kind::Door => self.door.is_answered = true,
             Word::Answer(bytes) => match Answer::decode(&bytes) {
                 Ok(answer) => {
                     self.turns(kind).is_answered = true;

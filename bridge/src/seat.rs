@@ -5,9 +5,10 @@ use std::time::{Duration, Instant};
 use shm_types::SCHEMA;
 use shm_types::cell::{Cell, CellLock, Role};
 use shm_types::channel::ChannelError;
+use shm_types::command::Status;
 use shm_types::episode::Ack;
 use shm_types::policy::PolicyMsg;
-use shm_types::ports::LearnerPorts;
+use shm_types::ports::{LearnerPorts, ToolPorts};
 use shm_types::telemetry::Heartbeat;
 
 use crate::desk::NO_BEAT;
@@ -18,6 +19,9 @@ const SILENT: Duration = Duration::from_secs(1);
 /// Between two looks for a controller, and how long one may take.
 const JOIN: Duration = Duration::from_millis(50);
 const LOOK: Duration = Duration::from_millis(1);
+
+/// How long a controller may take to say how it is.
+const ANSWER: Duration = Duration::from_millis(20);
 
 pub(crate) struct Seat {
     cell: Cell,
@@ -30,6 +34,9 @@ pub(crate) struct Seat {
     policy: Option<Box<PolicyMsg>>,
     ack: Option<Ack>,
     beats: u64,
+    /// What the controller says of itself, and how it is asked.
+    status: Status,
+    tool: Option<ToolPorts>,
     _lock: CellLock,
 }
 
@@ -45,6 +52,8 @@ impl Seat {
             policy: None,
             ack: None,
             beats: 0,
+            status: Status::ZERO,
+            tool: None,
             _lock: lock,
         })
     }
@@ -87,6 +96,21 @@ impl Seat {
             Some(heard) if heard.elapsed() < SILENT => self.controller,
             _ => NO_BEAT,
         }
+    }
+
+    /// Asks the controller how it is, for tools on the learner's machine.
+    pub fn ask_status(&mut self) {
+        if self.controller().schema != SCHEMA {
+            (self.status, self.tool) = (Status::ZERO, None);
+            return;
+        }
+        self.tool = self.tool.take().or_else(|| ToolPorts::open(&self.cell, LOOK).ok());
+        let status = self.tool.as_ref().and_then(|tool| tool.status(ANSWER));
+        self.status = status.unwrap_or(Status::ZERO);
+    }
+
+    pub fn status(&self) -> Status {
+        self.status
     }
 
     /// An episode, if one has come. What is not fit to be sent is ignored.

@@ -8,6 +8,7 @@
 //! can say so. A turn may arrive twice: what it says is then true twice.
 
 use shm_types::SCHEMA;
+use shm_types::command::Status;
 use shm_types::episode::{EpisodeError, EpisodeHeader, MAX_RECORDS, TickRecord};
 use shm_types::policy::PolicyName;
 use shm_types::telemetry::Heartbeat;
@@ -28,6 +29,19 @@ pub const MAX_TURN: usize = size_of::<Prefix>()
     + size_of::<TurnHead>()
     + size_of::<EpisodeHeader>()
     + MAX_RECORDS * size_of::<TickRecord>();
+
+/// How a refusal begins. The transport has refusals of its own, for a turn that takes too long for example.
+const REFUSED: &str = "skillet bridge: ";
+
+/// A refusal as it is sent: text, which every version understands.
+pub fn refusal(reason: &str) -> String {
+    format!("{REFUSED}{reason}")
+}
+
+/// The reason of a refusal, if it is one.
+pub fn reason(text: &str) -> Option<&str> {
+    text.strip_prefix(REFUSED)
+}
 
 /// What every message begins with.
 #[derive(Clone, Copy, Debug, PartialEq, IntoBytes, FromBytes, Immutable, KnownLayout)]
@@ -59,10 +73,14 @@ pub struct TurnHead {
     /// Machine of the cell; see [`shm_types::text`].
     pub host: [u8; NAME_LEN],
     pub cell: [u8; NAME_LEN],
+    /// The cell in its certificate; empty without keys.
+    pub certificate: [u8; NAME_LEN],
     /// Which task on which arm, as text; empty when it is not known.
     pub world: [u8; WORLD_LEN],
     /// The newest of the controller; `schema` 0 while none is heard.
     pub controller: Heartbeat,
+    /// What that controller says of itself; of [`Status::ZERO`] while it has not been asked.
+    pub status: Status,
     pub seen: Seen,
     /// 1: an episode follows.
     pub has_episode: u64,
@@ -148,6 +166,10 @@ impl TurnHead {
         text::unpack(&self.world)
     }
 
+    pub fn certificate_name(&self) -> String {
+        text::unpack(&self.certificate)
+    }
+
     /// The turn as bytes, with the records in use of an episode that is valid.
     pub fn encode(&self, episode: Option<(&EpisodeHeader, &[TickRecord])>) -> Vec<u8> {
         let head = TurnHead { has_episode: u64::from(episode.is_some()), ..*self };
@@ -171,9 +193,8 @@ impl Turn {
         let rest = Prefix::take(bytes)?;
         let (head, rest) =
             TurnHead::read_from_prefix(rest).map_err(|_| MessageError::Length { len })?;
-        let is_text =
-            text::is_valid(&head.host) && text::is_valid(&head.cell) && text::is_valid(&head.world);
-        if !is_text {
+        let names = [&head.host, &head.cell, &head.certificate];
+        if !names.into_iter().all(text::is_valid) || !text::is_valid(&head.world) {
             return Err(MessageError::Text);
         }
         match head.has_episode {
@@ -211,6 +232,7 @@ mod tests {
             bridge: 7,
             host: text::pack("oven"),
             cell: text::pack("kitchen"),
+            certificate: text::pack(""),
             world: text::pack(""),
             controller: Heartbeat {
                 schema: SCHEMA,
@@ -221,6 +243,7 @@ mod tests {
                 leaving: 0,
                 waits: 0,
             },
+            status: Status::ZERO,
             seen: Seen { hub: 1, policy: 2, ack: 3 },
             has_episode: 0,
         }

@@ -7,11 +7,12 @@ use std::time::Duration;
 
 use bridge::event::Event;
 use bridge::net::Keys;
-use bridge::turn::{MessageError, NAME_LEN, Seen, Turn, TurnHead, VERSION, WORLD_LEN};
+use bridge::turn::{MessageError, NAME_LEN, Seen, Turn, TurnHead, VERSION, WORLD_LEN, refusal};
 use ends::{
     Executed, Learnt, Machines, Running, beat, controller, has, header_of, learner, policy,
 };
 use serde_json::json;
+use shm_types::command::Status;
 use shm_types::episode::TickRecord;
 use shm_types::text;
 use zenoh::{Session, Wait};
@@ -76,8 +77,10 @@ fn head(cell: &str) -> TurnHead {
         bridge: 99,
         host: text::pack::<NAME_LEN>("nowhere"),
         cell: text::pack::<NAME_LEN>(cell),
+        certificate: text::pack::<NAME_LEN>(""),
         world: text::pack::<WORLD_LEN>(""),
         controller: beat(66, 1),
+        status: Status::ZERO,
         seen: Seen::default(),
         has_episode: 0,
     }
@@ -107,10 +110,12 @@ fn a_stranger_without_a_certificate_or_with_another_authoritys_moves_nothing() {
     let address = &kitchen.machines.address;
     let authority = ("root_ca_certificate", kitchen.keys.join("ca.pem").display().to_string());
     for tls in [&[][..], &[authority]] {
-        // Its handshake may end before it is refused; then its words reach nobody.
+        // Its handshake may end before it is refused; then its words reach nobody, not even at the door that is open
+        // to every certificate of the authority.
         if let Some(session) = stranger(address, tls) {
-            let answers = ask(&session, "skillet/kitchen/turn", head("kitchen").encode(None));
-            assert_eq!(answers, []);
+            let whole = head("kitchen").encode(None);
+            assert_eq!(ask(&session, "skillet/kitchen/turn", whole.clone()), []);
+            assert_eq!(ask(&session, "skillet-door", whole), []);
         }
     }
     let others = kitchen.machines.keys("others", &["kitchen"]);
@@ -125,8 +130,8 @@ fn a_cell_with_the_keys_of_another_is_refused_and_told() {
     let kitchen = Kitchen::new();
     let cell = kitchen.machines.cell("cell", "kitchen");
     let join = kitchen.machines.join(2, cell, keys_of(&kitchen.keys, "lab"));
-    join.until("it is told", |events| has(events, "take the keys of this cell"));
-    assert!(kitchen.hub.look(|events| has(events, "take the keys of this cell")));
+    join.until("it is told", |events| has(events, "it has the keys of cell 'lab'"));
+    assert!(kitchen.hub.look(|events| has(events, "it has the keys of cell 'lab'")));
     kitchen.nothing_moved();
 }
 
@@ -173,7 +178,7 @@ fn another_version_is_refused_before_anything_is_read() {
     bytes[8..16].copy_from_slice(&(VERSION + 1).to_le_bytes());
     bytes.truncate(24);
     let said = MessageError::Version { found: VERSION + 1 }.to_string();
-    assert_eq!(ask(&session, "skillet/kitchen/turn", bytes), [Err(said.clone())]);
+    assert_eq!(ask(&session, "skillet/kitchen/turn", bytes), [Err(refusal(&said))]);
     assert!(hub.look(|events| has(events, &said)));
     assert!(learnt.look(|learnt| learnt.controllers == 0));
 }

@@ -7,6 +7,7 @@ use zenoh::query::Reply;
 
 use crate::answer::MAX_ANSWER;
 use crate::backoff::Backoff;
+use crate::turn::reason;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Kind {
@@ -37,7 +38,11 @@ impl Listener {
             Ok(_) => Word::Refusal("an answer that is too long".to_string()),
             Err(error) => {
                 let text = String::from_utf8_lossy(&error.payload().to_bytes()).into_owned();
-                Word::Refusal(text.chars().filter(|c| !c.is_control()).take(512).collect())
+                let text: String = text.chars().filter(|c| !c.is_control()).take(512).collect();
+                match reason(&text) {
+                    Some(reason) => Word::Refusal(reason.to_string()),
+                    None => return, // the network's; its end follows
+                }
             }
         };
         let _ = self.out.send((self.kind, word));
