@@ -117,9 +117,11 @@ fn open(settings: Vec<(&'static str, Value)>, address: &str) -> Result<Session, 
             .insert_json5(setting, &value.to_string())
             .map_err(|error| NetError::Setting { setting, reason: error.to_string() })?;
     }
-    zenoh::open(config).wait().map_err(|error| NetError::Transport {
-        address: address.to_string(),
-        reason: error.to_string(),
+    zenoh::open(config).wait().map_err(|error| {
+        let whole = error.to_string();
+        // Behind the reason it says where in its source.
+        let reason = whole.split(" at /").next().unwrap_or(&whole).trim().to_string();
+        NetError::Transport { address: address.to_string(), reason }
     })
 }
 

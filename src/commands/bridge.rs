@@ -41,7 +41,7 @@ mod network {
 
     use crate::Verdict;
     use crate::cli::bridge::{JoinArgs, KeysArgs, ServeArgs};
-    use crate::config::Config;
+    use crate::config::{Config, LogConfig};
     use crate::signals::{Who, stop_flag};
     use crate::{log, output, reload, setup};
 
@@ -107,7 +107,9 @@ mod network {
     ) -> Result<std::sync::Arc<std::sync::atomic::AtomicBool>> {
         leave_core(loop_core(config.controller.cpu)); // before a thread starts
         let stop = stop_flag(Who::Service)?;
-        let set_level = log::start(&config.log);
+        // Of its every attempt the transport says what goes wrong, and much besides.
+        let level = format!("{},zenoh=warn", config.log.level);
+        let set_level = log::start(&LogConfig { level, ..config.log.clone() });
         reload::on_hangup(path, config, set_level)?;
         Ok(stop)
     }
