@@ -12,3 +12,8 @@ learn *args:
 fix:
     cargo fmt --all
     cargo clippy --workspace --all-targets --fix --allow-dirty
+
+# The bridge to other machines, which no other command builds
+bridge:
+    cargo clippy -p bridge --all-targets --features network --locked -- -D warnings
+    cargo test -p bridge --features network --locked

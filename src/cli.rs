@@ -2,6 +2,7 @@
 
 pub mod arm;
 pub mod bench;
+pub mod bridge;
 pub mod child;
 pub mod convert;
 pub mod demo;
@@ -86,6 +87,8 @@ pub enum Verb {
     Bench(bench::BenchArgs),
     /// Kill, swap and disturb learning cells for as long as you like, and count what is lost
     Soak(soak::SoakArgs),
+    /// Cells on other machines: one learner, arms in several rooms
+    Bridge(bridge::BridgeArgs),
     /// Show the configuration in effect
     Config(ConfigArgs),
     /// Print a shell completion script

@@ -84,6 +84,7 @@ fn main() -> ExitCode {
         Verb::Doctor(args) => commands::doctor::run(args),
         Verb::Bench(args) => commands::bench::run(args),
         Verb::Soak(args) => commands::soak::run(args),
+        Verb::Bridge(args) => commands::bridge::run(args),
         Verb::Config(args) => commands::config::run(args),
         Verb::Completions(args) => commands::shell::completions(args),
         Verb::Man(args) => commands::shell::man(args),

@@ -19,8 +19,16 @@ const HARMLESS: [&[&str]; 2] = [
     &["shm-types/src/cell.rs", "shm-types/src/generation.rs"],
     &["shm-types/src/observer.rs", "shm-types/src/ports.rs", "shm-types/src/tool.rs"],
 ];
-const CRATES: [&str; 7] =
-    ["", "shm-types/", "physics/", "search/", "imitation/", "learner/", "rt-controller/"];
+const CRATES: [&str; 8] = [
+    "",
+    "shm-types/",
+    "physics/",
+    "search/",
+    "imitation/",
+    "learner/",
+    "rt-controller/",
+    "bridge/",
+];
 
 type Module = Vec<String>;
 

@@ -26,6 +26,8 @@ fn tested_elsewhere(arguments: &[&str]) -> Option<&'static str> {
         ["learn", "custom", ..] => Some("tests/python.rs"),
         ["plant", ..] | ["controller", .., "external", "--pace", _] => Some("tests/plant.rs"),
         ["soak", ..] => Some("tests/soak.rs"),
+        // They need the feature `bridge`.
+        ["bridge", ..] => Some("bridge/tests"),
         // Ratings count in sessions that were started so.
         ["judge", _, "--rate" | "--better" | "--worse" | "--withdraw", ..] => {
             Some("tests/people.rs")

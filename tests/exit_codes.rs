@@ -18,7 +18,7 @@ const NO_CONTROLLER: i32 = 3;
 /// controller, the cell `none` has not.
 type Row = (&'static str, &'static [(i32, &'static str)]);
 
-const ROWS: [Row; 49] = [
+const ROWS: [Row; 39] = [
     ("learn", &[(DONE, "pancake --rollouts 2 --out l"), (ERROR, "pancake --config absent.toml")]),
     ("controller", &[(ERROR, "--cell c1"), (ERROR, "--cell UP"), (ERROR, "--config absent.toml")]),
     ("learner", &[(DONE, "--cell c1 --session s"), (ERROR, "--session l2 --config absent.toml")]),
@@ -160,6 +160,10 @@ const ROWS: [Row; 49] = [
     ("bench latency", &[(ERROR, "--seconds many")]),
     ("bench swap", &[(ERROR, "--swaps many")]),
     ("soak", &[(ERROR, "--minutes 0"), (ERROR, "--minutes 1 --out file/below")]),
+    // With the feature `bridge` and without it.
+    ("bridge serve", &[(ERROR, "--listen 0.0.0.0:7447 --allow kitchen")]),
+    ("bridge join", &[(ERROR, "--connect nowhere --cell c9")]),
+    ("bridge keys", &[(ERROR, "--out keys --learner oven --cells UP")]),
     ("config", &[(DONE, ""), (ERROR, "--config absent.toml")]),
     ("completions", &[(DONE, "bash"), (ERROR, "tcsh")]),
     ("man", &[(DONE, "--out man"), (ERROR, "--out file/below")]),
@@ -170,6 +174,7 @@ const ROWS: [Row; 49] = [
     ("task", &[(ERROR, "")]),
     ("plant", &[(ERROR, "")]),
     ("bench", &[(ERROR, "")]),
+    ("bridge", &[(ERROR, "")]),
 ];
 
 /// Every command there is, from the manual: one page each.

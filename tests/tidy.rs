@@ -73,7 +73,7 @@ fn the_function_check_can_fail() {
 /// Dependencies point one way; see ARCHITECTURE.md.
 #[test]
 fn crates_know_only_what_they_may() {
-    let forbidden: [(&str, &[&str]); 7] = [
+    let forbidden: [(&str, &[&str]); 8] = [
         ("shm-types", &["physics", "rt-controller", "search", "learner", "nalgebra", "rapier3d"]),
         ("physics", &["shm-types", "rt-controller", "search", "learner", "iceoryx2"]),
         (
@@ -102,6 +102,7 @@ fn crates_know_only_what_they_may() {
         ),
         ("learner", &["physics", "rt-controller", "rapier3d"]),
         ("clients/plant", &["physics", "rt-controller", "search", "learner", "rapier3d"]),
+        ("bridge", &["physics", "rt-controller", "search", "learner", "rapier3d"]),
         ("rt-controller", &["search", "learner", "rapier3d", "rusqlite"]),
     ];
     for (name, others) in forbidden {

@@ -2,6 +2,7 @@
 
 pub mod arm;
 pub mod bench;
+pub mod bridge;
 pub mod child;
 pub mod config;
 pub mod controller;

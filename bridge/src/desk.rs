@@ -1,0 +1,210 @@
+//! The controller's place in a local cell, taken by the hub for a controller that is elsewhere.
+
+use std::time::{Duration, Instant};
+
+use shm_types::SCHEMA;
+use shm_types::cell::{Cell, CellLock, Role};
+use shm_types::channel::ChannelError;
+use shm_types::command::{COMMAND_STATUS, Reply, Status};
+use shm_types::episode::Ack;
+use shm_types::policy::{PolicyMsg, PolicyName};
+use shm_types::ports::ControllerPorts;
+use shm_types::telemetry::Heartbeat;
+
+use crate::answer::{
+    AnswerHead, VERDICT_ASKED_AGAIN, VERDICT_DURABLE, VERDICT_FOREIGN, VERDICT_PENDING,
+};
+use crate::turn::{Episode, Seen};
+
+/// Age of a heartbeat after which a learner does not count as there.
+const SILENT: Duration = Duration::from_secs(2);
+/// Dead processes that the transport may fail to clear away, as in the controller.
+const MAX_LEAKED: usize = 4;
+
+/// One that has said nothing yet.
+pub(crate) const NO_BEAT: Heartbeat =
+    Heartbeat { schema: 0, boot_id: 0, counter: 0, pinned: 0, latched: 0, leaving: 0, waits: 0 };
+pub(crate) const NO_ACK: Ack =
+    Ack { schema: 0, session: 0, durable_rollout: 0, rollout: 0, success: 0 };
+
+/// An episode that the learner was given.
+#[derive(Clone, Copy, PartialEq)]
+struct HandedIn {
+    name: PolicyName,
+    boot_id: u64,
+    /// Policies published until then.
+    policies: u64,
+}
+
+pub(crate) struct Desk {
+    cell: Cell,
+    /// Absent until there is a controller to play.
+    ports: Option<ControllerPorts>,
+    learner: Heartbeat,
+    learner_heard: Option<Instant>,
+    asked: Option<Box<PolicyMsg>>,
+    ack: Ack,
+    /// What there is, counted.
+    seen: Seen,
+    handed_in: Option<HandedIn>,
+    beats: u64,
+    // Last, so that it is given back after the ports.
+    _lock: CellLock,
+}
+
+impl Desk {
+    /// Takes the controller's place in `cell`. `hub` names this start of the hub.
+    pub fn open(cell: &Cell, hub: u64) -> Result<Desk, shm_types::cell::CellError> {
+        let lock = cell.lock(Role::Controller)?;
+        Ok(Desk {
+            cell: cell.clone(),
+            ports: None,
+            learner: NO_BEAT,
+            learner_heard: None,
+            asked: None,
+            ack: NO_ACK,
+            seen: Seen { hub, policy: 0, ack: 0 },
+            handed_in: None,
+            beats: 0,
+            _lock: lock,
+        })
+    }
+
+    pub fn cell(&self) -> &str {
+        self.cell.name()
+    }
+
+    pub fn seen(&self) -> Seen {
+        self.seen
+    }
+
+    /// Makes the services of the cell, so that its learner comes.
+    pub fn start(&mut self) -> Result<(), ChannelError> {
+        if self.ports.is_none() {
+            self.ports = Some(ControllerPorts::create(&self.cell)?);
+        }
+        Ok(())
+    }
+
+    /// Takes what the learner has published, and answers tools: `controller` is the machine of the controller and its
+    /// own word of itself. Commands are for that machine.
+    pub fn listen(&mut self, controller: Option<(&str, Status)>) {
+        let Some(ports) = &self.ports else { return };
+        while let Ok(Some(policy)) = ports.policies.receive() {
+            match policy.validate() {
+                Ok(()) => {
+                    self.asked = Some(Box::new(*policy));
+                    self.seen.policy += 1;
+                }
+                Err(error) => tracing::warn!("cell {}: policy ignored: {error}", self.cell.name()),
+            }
+        }
+        while let Ok(Some(ack)) = ports.acks.receive() {
+            if ack.schema == SCHEMA && *ack != self.ack {
+                self.ack = *ack;
+                self.seen.ack += 1;
+            }
+        }
+        while let Ok(Some(beat)) = ports.learner_beat.receive() {
+            if beat.schema == SCHEMA && *beat != self.learner {
+                (self.learner, self.learner_heard) = (*beat, Some(Instant::now()));
+            }
+        }
+        while let Ok(Some(request)) = ports.commands.receive() {
+            // Where there is none, silence is the right answer.
+            let Some((host, status)) = controller.filter(|(_, status)| status.boot_id != 0) else {
+                continue;
+            };
+            let reason =
+                format!("its controller is on {host}, behind a bridge: run the command there");
+            let reply = match request.kind {
+                COMMAND_STATUS => Reply::accepted(request.id, status),
+                _ => Reply::refused(request.id, status, &reason),
+            };
+            let _ = request.send_copy(reply);
+        }
+    }
+
+    /// Beats as the controller that is elsewhere does.
+    pub fn beat(&mut self, controller: &Heartbeat) {
+        self.beats += 1;
+        let Some(ports) = &self.ports else { return };
+        let _ = ports.beat.send_copy(Heartbeat { counter: self.beats, ..*controller });
+        ports.meet_newcomers();
+    }
+
+    /// Frees what dead processes held.
+    pub fn clean_up(&mut self) {
+        let Some(ports) = &self.ports else { return };
+        if ports.clean_up() > MAX_LEAKED {
+            match ports.renewed() {
+                Ok(ports) => (self.ports, self.handed_in) = (Some(ports), None),
+                Err(error) => tracing::error!("cell {}: {error}", self.cell.name()),
+            }
+        }
+    }
+
+    /// Gives an episode to the learner, unless it has it already; whether it has it now.
+    pub fn hand_in(&mut self, episode: &Episode) -> Result<bool, ChannelError> {
+        let (name, boot_id) = (episode.name(), episode.header.boot_id);
+        let is_it = |had: &HandedIn| had.name == name && had.boot_id == boot_id;
+        if self.handed_in.as_ref().is_some_and(is_it) {
+            return Ok(true);
+        }
+        let Some(ports) = &self.ports else { return Ok(false) };
+        let mut loan = ports.loan_episode(episode.records.len().max(1))?;
+        *loan.user_header_mut() = episode.header;
+        loan.payload_mut()[..episode.records.len()].copy_from_slice(&episode.records);
+        // No learner took it, or it is full: the next attempt is the caller's.
+        let is_taken = loan.send().is_ok_and(|receivers| receivers > 0);
+        if is_taken {
+            let _ = ports.episode_sent.notify();
+            let _ = ports.outcomes.send_copy(episode.header);
+            self.handed_in = Some(HandedIn { name, boot_id, policies: self.seen.policy });
+        }
+        Ok(is_taken)
+    }
+
+    /// What the learner has said to an episode, by `VERDICT_*`.
+    pub fn verdict(&mut self, episode: &Episode) -> u64 {
+        let (session, rollout) = (episode.header.session, episode.header.rollout);
+        if self.ack.schema == SCHEMA && self.ack.covers(session, rollout) {
+            return VERDICT_DURABLE;
+        }
+        if self.session() != 0 && self.session() != session {
+            return VERDICT_FOREIGN;
+        }
+        let policies = self.seen.policy;
+        let asked_since =
+            |had: &mut HandedIn| had.name == episode.name() && had.policies < policies;
+        match self.handed_in.take_if(asked_since) {
+            Some(_) => VERDICT_ASKED_AGAIN,
+            None => VERDICT_PENDING,
+        }
+    }
+
+    /// The learner's, or 0 while it has said nothing.
+    pub fn session(&self) -> u64 {
+        self.asked.as_ref().map_or(self.ack.session, |asked| asked.session)
+    }
+
+    /// The answer for a cell that has `seen` so much.
+    pub fn answer(&self, verdict: u64, seen: Seen) -> Vec<u8> {
+        let is_there =
+            self.learner.leaving == 0 && self.learner_heard.is_some_and(|at| at.elapsed() < SILENT);
+        let head = AnswerHead {
+            verdict,
+            session: self.session(),
+            learner_is_there: u64::from(is_there),
+            learner: self.learner,
+            ack: self.ack,
+            seen: self.seen,
+            has_policy: 0,
+        };
+        let is_news = seen.hub != self.seen.hub || seen.policy != self.seen.policy;
+        // What is durable need not be executed.
+        let is_open =
+            |asked: &&PolicyMsg| is_news && !self.ack.covers(asked.session, asked.rollout);
+        head.encode(self.asked.as_deref().filter(is_open))
+    }
+}

@@ -1,0 +1,90 @@
+//! What both ends of a bridge say of themselves, for a log.
+
+use std::fmt;
+
+/// Something that happened.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Event {
+    /// The hub serves these cells there. It takes anybody if nothing is encrypted.
+    Serves { address: String, cells: String, is_encrypted: bool },
+    /// A bridge has joined as this cell, with a controller behind it or without.
+    Joined { cell: String, host: String },
+    /// The bridge of this cell is gone, or silent.
+    Left { cell: String, host: String, why: &'static str },
+    /// A turn was refused; said on both sides in the same words.
+    Refused { cell: String, reason: String },
+    /// An episode was handed to the learner, or was there already.
+    HandedIn { cell: String, session: u64, rollout: u64 },
+    /// What the cell's machine does not do as it should.
+    Trouble { cell: String, reason: String },
+    /// This bridge is connected, and its learner's machine answers.
+    Connected { address: String },
+    /// There is no answer; the controller goes on alone until there is one.
+    NoAnswer { address: String, reason: String },
+    /// The learner has asked this cell for a rollout.
+    Asked { session: u64, rollout: u64 },
+    /// The learner holds an episode of this cell.
+    Durable { session: u64, rollout: u64 },
+    /// The learner works on another session. The episode stays in the spool.
+    Foreign { session: u64, rollout: u64, asks: u64 },
+    /// The cell has a controller, or another one.
+    Controller { cell: String },
+}
+
+impl Event {
+    /// It needs somebody's attention.
+    pub fn is_warning(&self) -> bool {
+        matches!(
+            self,
+            Event::Left { .. }
+                | Event::Refused { .. }
+                | Event::Trouble { .. }
+                | Event::NoAnswer { .. }
+                | Event::Foreign { .. }
+                | Event::Serves { is_encrypted: false, .. }
+        )
+    }
+}
+
+impl fmt::Display for Event {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Event::Serves { address, cells, is_encrypted: true } => {
+                write!(f, "listening on {address} for cells {cells}, with mutual TLS")
+            }
+            Event::Serves { address, cells, is_encrypted: false } => write!(
+                f,
+                "listening on {address} for cells {cells}, without keys: this machine only, any process on it"
+            ),
+            Event::Joined { cell, host } => write!(f, "cell {cell}: joined from {host}"),
+            Event::Left { cell, host, why } => {
+                write!(
+                    f,
+                    "cell {cell}: its bridge on {host} {why}; its learner waits or asks others"
+                )
+            }
+            Event::Refused { cell, reason } => write!(f, "cell {cell}: refused: {reason}"),
+            Event::HandedIn { cell, session, rollout } => {
+                write!(f, "cell {cell}: rollout {rollout} of session {session:016x} handed in")
+            }
+            Event::Trouble { cell, reason } => write!(f, "cell {cell}: {reason}"),
+            Event::Connected { address } => write!(f, "connected to the learner at {address}"),
+            Event::NoAnswer { address, reason } => write!(
+                f,
+                "no answer from the learner at {address}: {reason}; the controller goes on alone, what it has executed waits in its spool"
+            ),
+            Event::Asked { session, rollout } => {
+                write!(f, "asked for rollout {rollout} of session {session:016x}")
+            }
+            Event::Durable { session, rollout } => {
+                write!(f, "rollout {rollout} of session {session:016x} is durable")
+            }
+            Event::Foreign { session, rollout, asks } => write!(
+                f,
+                "rollout {rollout} belongs to session {session:016x}, but the learner works on {asks:016x}: kept in \
+                 the spool until a learner resumes its session"
+            ),
+            Event::Controller { cell } => write!(f, "cell {cell}: its controller is there"),
+        }
+    }
+}

@@ -1,0 +1,30 @@
+//! Cells on other machines: one learner, and controllers that are elsewhere.
+//!
+//! Learner and controller know nothing of it. On the learner's machine the **hub** plays the controller of a local
+//! cell for every remote one; on the machine of a cell **join** plays its learner. Between the two goes one exchange,
+//! the *turn*: a query of the cell, and an answer that says what is durable and what is to be executed.
+//!
+//! ```text
+//! learner ─ shared memory ─ hub ═══ network ═══ join ─ shared memory ─ controller
+//! ```
+//!
+//! Only the messages are built without the feature `network`.
+
+pub mod answer;
+pub mod backoff;
+#[cfg(feature = "network")]
+mod counter;
+#[cfg(feature = "network")]
+mod desk;
+pub mod event;
+#[cfg(feature = "network")]
+pub mod hub;
+#[cfg(feature = "network")]
+pub mod join;
+#[cfg(feature = "network")]
+pub mod keys;
+#[cfg(feature = "network")]
+pub mod net;
+#[cfg(feature = "network")]
+mod seat;
+pub mod turn;

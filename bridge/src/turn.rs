@@ -1,0 +1,322 @@
+//! The turn: what a cell says of itself, and the episode it hands in.
+//!
+//! ```text
+//! magic, version, schema | TurnHead | EpisodeHeader, TickRecord × n_records   (where it has an episode)
+//! ```
+//!
+//! Every number is little-endian. The first three stay where they are in all versions, so that two builds that differ
+//! can say so. A turn may arrive twice: what it says is then true twice.
+
+use shm_types::SCHEMA;
+use shm_types::command::Status;
+use shm_types::episode::{EpisodeError, EpisodeHeader, MAX_RECORDS, TickRecord};
+use shm_types::policy::PolicyName;
+use shm_types::telemetry::Heartbeat;
+use shm_types::text;
+use thiserror::Error;
+use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
+
+/// Read as another number on a machine of the other byte order.
+const MAGIC: u64 = u64::from_le_bytes(*b"SKBRIDGE");
+/// Of turns and answers. Message layouts have a hash of their own, [`SCHEMA`].
+pub const VERSION: u64 = 1;
+/// Bytes of a name: of a cell, of a host.
+pub const NAME_LEN: usize = 64;
+/// Bytes of a world: which task on which arm.
+pub const WORLD_LEN: usize = 192;
+/// The longest turn, bytes.
+pub const MAX_TURN: usize = size_of::<Prefix>()
+    + size_of::<TurnHead>()
+    + size_of::<EpisodeHeader>()
+    + MAX_RECORDS * size_of::<TickRecord>();
+
+/// How a refusal begins. The transport has refusals of its own, for a turn that takes too long for example.
+const REFUSED: &str = "skillet bridge: ";
+
+/// A refusal as it is sent: text, which every version understands.
+pub fn refusal(reason: &str) -> String {
+    format!("{REFUSED}{reason}")
+}
+
+/// The reason of a refusal, if it is one.
+pub fn reason(text: &str) -> Option<&str> {
+    text.strip_prefix(REFUSED)
+}
+
+/// What every message begins with.
+#[derive(Clone, Copy, Debug, PartialEq, IntoBytes, FromBytes, Immutable, KnownLayout)]
+#[repr(C)]
+pub struct Prefix {
+    pub magic: u64,
+    pub version: u64,
+    pub schema: u64,
+}
+
+/// The newest of a hub that a cell has: 0 of what it has not.
+#[derive(Clone, Copy, Debug, Default, PartialEq, IntoBytes, FromBytes, Immutable, KnownLayout)]
+#[repr(C)]
+pub struct Seen {
+    /// Start of the hub that counts.
+    pub hub: u64,
+    /// Policies that the learner has published.
+    pub policy: u64,
+    /// Acknowledgements of the learner.
+    pub ack: u64,
+}
+
+/// What a cell says in every turn.
+#[derive(Clone, Copy, Debug, PartialEq, IntoBytes, FromBytes, Immutable, KnownLayout)]
+#[repr(C)]
+pub struct TurnHead {
+    /// Start of the bridge; tells two bridges of one cell apart.
+    pub bridge: u64,
+    /// Machine of the cell; see [`shm_types::text`].
+    pub host: [u8; NAME_LEN],
+    pub cell: [u8; NAME_LEN],
+    /// The cell in its certificate; empty without keys.
+    pub certificate: [u8; NAME_LEN],
+    /// Which task on which arm, as text; empty when it is not known.
+    pub world: [u8; WORLD_LEN],
+    /// The newest of the controller; `schema` 0 while none is heard.
+    pub controller: Heartbeat,
+    /// What that controller says of itself; of [`Status::ZERO`] while it has not been asked.
+    pub status: Status,
+    pub seen: Seen,
+    /// 1: an episode follows.
+    pub has_episode: u64,
+}
+
+/// A turn that was received and checked.
+#[derive(Debug, PartialEq)]
+pub struct Turn {
+    pub head: TurnHead,
+    pub episode: Option<Episode>,
+}
+
+/// The records in use, behind their header.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Episode {
+    pub header: EpisodeHeader,
+    pub records: Vec<TickRecord>,
+}
+
+/// Why a message of the other side is not used.
+#[derive(Debug, Error, PartialEq)]
+pub enum MessageError {
+    #[error("it is no message of a bridge, or comes from a machine of the other byte order")]
+    Magic,
+    #[error(
+        "bridge version {found} instead of {VERSION}: use one version of skillet on both machines"
+    )]
+    Version { found: u64 },
+    #[error(
+        "schema {found:#x} instead of {SCHEMA:#x}: the two machines run different builds of skillet; use one"
+    )]
+    Schema { found: u64 },
+    #[error("it has {len} bytes, which is no whole message")]
+    Length { len: usize },
+    #[error("a name in it is no text")]
+    Text,
+    #[error(transparent)]
+    Episode(#[from] EpisodeError),
+    #[error(transparent)]
+    Policy(#[from] shm_types::policy::PolicyMsgError),
+}
+
+impl Prefix {
+    pub const OURS: Prefix = Prefix { magic: MAGIC, version: VERSION, schema: SCHEMA };
+
+    /// Takes the prefix off `bytes`, after a look at the version before everything else.
+    pub fn take(bytes: &[u8]) -> Result<&[u8], MessageError> {
+        let (prefix, rest) = Prefix::read_from_prefix(bytes).map_err(|_| MessageError::Magic)?;
+        match prefix {
+            Prefix { magic, .. } if magic != MAGIC => Err(MessageError::Magic),
+            Prefix { version, .. } if version != VERSION => {
+                Err(MessageError::Version { found: version })
+            }
+            Prefix { schema, .. } if schema != SCHEMA => {
+                Err(MessageError::Schema { found: schema })
+            }
+            _ => Ok(rest),
+        }
+    }
+}
+
+impl Episode {
+    pub fn name(&self) -> PolicyName {
+        name_of(&self.header)
+    }
+}
+
+pub(crate) fn name_of(header: &EpisodeHeader) -> PolicyName {
+    let EpisodeHeader { session, rollout, policy_id, policy_digest: digest, .. } = *header;
+    PolicyName { session, rollout, policy_id, digest }
+}
+
+impl TurnHead {
+    pub fn cell_name(&self) -> String {
+        text::unpack(&self.cell)
+    }
+
+    pub fn host_name(&self) -> String {
+        text::unpack(&self.host)
+    }
+
+    pub fn world_name(&self) -> String {
+        text::unpack(&self.world)
+    }
+
+    pub fn certificate_name(&self) -> String {
+        text::unpack(&self.certificate)
+    }
+
+    /// The turn as bytes, with the records in use of an episode that is valid.
+    pub fn encode(&self, episode: Option<(&EpisodeHeader, &[TickRecord])>) -> Vec<u8> {
+        let head = TurnHead { has_episode: u64::from(episode.is_some()), ..*self };
+        let records = episode.map_or(0, |(_, records)| size_of_val(records));
+        let mut bytes = Vec::with_capacity(MAX_TURN.min(1024 + size_of::<TurnHead>() + records));
+        bytes.extend_from_slice(Prefix::OURS.as_bytes());
+        bytes.extend_from_slice(head.as_bytes());
+        if let Some((header, records)) = episode {
+            bytes.extend_from_slice(header.as_bytes());
+            let n_records = (header.n_records as usize).min(records.len());
+            bytes.extend_from_slice(records[..n_records].as_bytes());
+        }
+        bytes
+    }
+}
+
+impl Turn {
+    /// Reads a turn and checks everything of it.
+    pub fn decode(bytes: &[u8]) -> Result<Turn, MessageError> {
+        let len = bytes.len();
+        let rest = Prefix::take(bytes)?;
+        let (head, rest) =
+            TurnHead::read_from_prefix(rest).map_err(|_| MessageError::Length { len })?;
+        let names = [&head.host, &head.cell, &head.certificate];
+        if !names.into_iter().all(text::is_valid) || !text::is_valid(&head.world) {
+            return Err(MessageError::Text);
+        }
+        match head.has_episode {
+            0 if rest.is_empty() => Ok(Turn { head, episode: None }),
+            1 if len <= MAX_TURN => Ok(Turn { head, episode: Some(episode(rest, len)?) }),
+            _ => Err(MessageError::Length { len }),
+        }
+    }
+}
+
+fn episode(bytes: &[u8], len: usize) -> Result<Episode, MessageError> {
+    let (header, rest) =
+        EpisodeHeader::read_from_prefix(bytes).map_err(|_| MessageError::Length { len })?;
+    if !rest.len().is_multiple_of(size_of::<TickRecord>()) {
+        return Err(MessageError::Length { len });
+    }
+    let mut records = vec![TickRecord::ZERO; rest.len() / size_of::<TickRecord>()];
+    records.as_mut_bytes().copy_from_slice(rest);
+    let used = header.validate(&records)?.len();
+    if used != records.len() {
+        return Err(MessageError::Length { len });
+    }
+    Ok(Episode { header, records })
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    use super::*;
+
+    fn head() -> TurnHead {
+        TurnHead {
+            bridge: 7,
+            host: text::pack("oven"),
+            cell: text::pack("kitchen"),
+            certificate: text::pack(""),
+            world: text::pack(""),
+            controller: Heartbeat {
+                schema: SCHEMA,
+                boot_id: 1,
+                counter: 2,
+                pinned: 0,
+                latched: 0,
+                leaving: 0,
+                waits: 0,
+            },
+            status: Status::ZERO,
+            seen: Seen { hub: 1, policy: 2, ack: 3 },
+            has_episode: 0,
+        }
+    }
+
+    fn with_episode() -> (Vec<u8>, EpisodeHeader) {
+        let header = EpisodeHeader { session: 7, rollout: 3, n_records: 2, ..Default::default() };
+        let mut records = vec![TickRecord::ZERO; 5];
+        records[1].tau[3] = 1.0 / 3.0;
+        (head().encode(Some((&header, &records))), header)
+    }
+
+    #[test]
+    fn a_turn_comes_back_bit_for_bit() {
+        let turn = Turn::decode(&head().encode(None)).unwrap();
+        assert_eq!(turn, Turn { head: head(), episode: None });
+        let (bytes, header) = with_episode();
+        let episode = Turn::decode(&bytes).unwrap().episode.unwrap();
+        assert_eq!((episode.header, episode.records.len()), (header, 2));
+        assert_eq!(episode.records[1].tau[3], 1.0 / 3.0);
+    }
+
+    #[test]
+    fn a_turn_that_is_cut_or_too_long_is_none() {
+        let (mut bytes, _) = with_episode();
+        for len in 0..bytes.len() {
+            assert!(Turn::decode(&bytes[..len]).is_err(), "cut at {len}");
+        }
+        bytes.extend_from_slice(TickRecord::ZERO.as_bytes());
+        let len = bytes.len();
+        assert_eq!(Turn::decode(&bytes), Err(MessageError::Length { len }), "one more record");
+    }
+
+    #[test]
+    fn the_version_is_looked_at_first() {
+        let (mut bytes, _) = with_episode();
+        bytes[16] ^= 1;
+        assert!(matches!(Turn::decode(&bytes), Err(MessageError::Schema { .. })));
+        bytes[8..16].copy_from_slice(&9_u64.to_le_bytes());
+        assert_eq!(Turn::decode(&bytes[..24]), Err(MessageError::Version { found: 9 }));
+        bytes[0] ^= 1;
+        assert_eq!(Turn::decode(&bytes), Err(MessageError::Magic));
+    }
+
+    #[test]
+    fn what_is_not_finite_or_no_text_is_refused() {
+        let header = EpisodeHeader { n_records: 1, ..Default::default() };
+        let record = TickRecord { t_s: f64::NAN, ..TickRecord::ZERO };
+        let bytes = head().encode(Some((&header, &[record])));
+        assert!(matches!(Turn::decode(&bytes), Err(MessageError::Episode(_))));
+        let mut nameless = head();
+        nameless.host[9] = 0xff;
+        assert_eq!(Turn::decode(&nameless.encode(None)), Err(MessageError::Text));
+    }
+
+    #[test]
+    fn whatever_changes_on_the_way_is_refused_or_valid() {
+        let (whole, _) = with_episode();
+        let mut generator = ChaCha8Rng::seed_from_u64(5);
+        let mut accepted = 0;
+        for _ in 0..20_000 {
+            let mut bytes = whole.clone();
+            for _ in 0..generator.random_range(1..4) {
+                let at = generator.random_range(0..bytes.len());
+                bytes[at] = generator.random_range(0..=255);
+            }
+            if let Ok(Turn { head, episode }) = Turn::decode(&bytes) {
+                accepted += 1;
+                let episode = episode.expect("nothing else fits its length");
+                let again = head.encode(Some((&episode.header, &episode.records)));
+                assert_eq!(again, bytes);
+            }
+        }
+        assert!((100..20_000).contains(&accepted), "{accepted} accepted");
+    }
+}
