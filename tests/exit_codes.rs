@@ -18,7 +18,7 @@ const NO_CONTROLLER: i32 = 3;
 /// controller, the cell `none` has not.
 type Row = (&'static str, &'static [(i32, &'static str)]);
 
-const ROWS: [Row; 39] = [
+const ROWS: [Row; 54] = [
     ("learn", &[(DONE, "pancake --rollouts 2 --out l"), (ERROR, "pancake --config absent.toml")]),
     ("controller", &[(ERROR, "--cell c1"), (ERROR, "--cell UP"), (ERROR, "--config absent.toml")]),
     ("learner", &[(DONE, "--cell c1 --session s"), (ERROR, "--session l2 --config absent.toml")]),
@@ -158,6 +158,7 @@ const ROWS: [Row; 39] = [
     ("bench sim", &[(ERROR, "--seconds many")]),
     ("bench transport", &[(ERROR, "--seconds many")]),
     ("bench latency", &[(ERROR, "--seconds many")]),
+    ("bench learner", &[(ERROR, "--seconds many")]),
     ("bench swap", &[(ERROR, "--swaps many")]),
     ("soak", &[(ERROR, "--minutes 0"), (ERROR, "--minutes 1 --out file/below")]),
     // With the feature `bridge` and without it.
