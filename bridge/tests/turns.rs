@@ -10,11 +10,17 @@ use std::time::Duration;
 
 use bridge::event::Event;
 use bridge::hub::{self, HubConfig};
-use ends::{Executed, Machines, Running, SESSION, controller, has, header_of, learner, policy};
+use ends::{
+    Executed, Machines, Running, SESSION, TICK, controller, has, header_of, learner, policy,
+};
 use shm_types::cell::Cell;
+use shm_types::command::{COMMAND_HOLD, Command as ToolCommand};
 use shm_types::episode::EpisodeHeader;
+use shm_types::ports::ToolPorts;
 
 const AT_ONCE: Duration = Duration::ZERO;
+/// Longest wait for an answer.
+const SOON: Duration = Duration::from_secs(30);
 
 fn each_once(executed: &Running<Executed>, n: u64) {
     let rollouts = executed.look(|executed| executed.rollouts.clone());
@@ -147,6 +153,24 @@ fn hub_process() {
         id: of("BRIDGE_TEST_ID").parse().unwrap(),
     };
     hub::run(&config, &AtomicBool::new(false), &|_| {}).unwrap();
+}
+
+#[test]
+fn tools_on_the_learners_machine_see_how_a_cell_is_and_command_nothing() {
+    let machines = Machines::new();
+    let _executed = controller(machines.cell("cell", "kitchen"), 11, None);
+    let learnt = learner(machines.cell("hub", "kitchen"), 1, AT_ONCE);
+    let _hub = machines.hub(1, &["kitchen"], None);
+    let bridge = machines.join(2, machines.cell("cell", "kitchen"), None);
+    learnt.until("its rollout is learnt", |learnt| !learnt.episodes.is_empty());
+    let tool = ToolPorts::open(&machines.cell("hub", "kitchen"), SOON).unwrap();
+    let status = tool.status(SOON).expect("the controller's own word");
+    assert_eq!((status.boot_id, status.tick), (11, TICK));
+    let refused = tool.request(&ToolCommand::new(COMMAND_HOLD, 5), SOON).unwrap();
+    assert_eq!(refused.accepted, 0);
+    assert!(refused.reason_text().contains("behind a bridge"), "{}", refused.reason_text());
+    drop(bridge);
+    learnt.until("nobody answers for it", |_| tool.status(Duration::from_millis(200)).is_none());
 }
 
 /// Ends with its learner's session, and is not lost with it.

@@ -17,6 +17,7 @@ use bridge::join::{self, JoinConfig};
 use bridge::net::Keys;
 use shm_types::SCHEMA;
 use shm_types::cell::{Cell, Role};
+use shm_types::command::{Reply, Status};
 use shm_types::episode::{Ack, EpisodeHeader, TickRecord};
 use shm_types::policy::PolicyMsg;
 use shm_types::ports::{ControllerPorts, LearnerPorts};
@@ -27,6 +28,8 @@ const WATCHDOG: Duration = Duration::from_secs(90);
 const ROUND: Duration = Duration::from_millis(2);
 const BEAT: Duration = Duration::from_millis(100);
 pub const SESSION: u64 = 0x5e55;
+/// Where every controller says it is.
+pub const TICK: u64 = 42;
 pub const N_RECORDS: usize = 40;
 
 /// A thread that ends with its handle.
@@ -274,6 +277,10 @@ pub fn controller(cell: Cell, boot_id: u64, spooled: Option<EpisodeHeader>) -> R
             while let Ok(Some(ack)) = ports.acks.receive() {
                 let spool = &mut executed.lock().unwrap().spool;
                 spool.retain(|(session, rollout), _| !ack.covers(*session, *rollout));
+            }
+            while let Ok(Some(request)) = ports.commands.receive() {
+                let status = Status { boot_id, tick: TICK, ..Status::ZERO };
+                let _ = request.send_copy(Reply::accepted(request.id, status));
             }
             while let Ok(Some(_)) = ports.learner_beat.receive() {
                 executed.lock().unwrap().learner_heard = Some(Instant::now());
