@@ -244,10 +244,7 @@ impl Learner {
     /// Tells the search, unless only a rating of it counts; says once which predictions it stopped to rely on.
     fn tell(&mut self, trial: &TrialRecord) -> Result<(), TellError> {
         let (targets, before) = (self.config.search.targets(), self.search.doubted());
-        let Some(told) = self.telling.trial(trial, targets) else {
-            self.search.withdraw(trial.rollout);
-            return Ok(());
-        };
+        let Some(told) = self.telling.trial(trial, targets) else { return Ok(()) };
         self.search.tell(&told)?;
         self.telling.was_told(&told);
         for j in self.search.doubted().into_iter().filter(|j| !before.contains(j)) {
@@ -277,6 +274,8 @@ impl Learner {
             measures: trial.measures,
         };
         let landed = self.in_flight.remove(&trial.rollout);
+        // The search is not told of every trial.
+        self.search.withdraw(trial.rollout);
         self.trials.push(trial);
         let search = self.search.snapshot(self.next_rollout());
         let next = self.may_ask().then(|| self.propose());

@@ -53,7 +53,10 @@ fn step(learner: &mut Learner, arms: usize, random: &mut ChaCha12Rng) {
     while learner.in_flight().count() < arms && learner.another_policy().unwrap().is_some() {}
     let policy = *learner.in_flight().choose(random).expect("there is one");
     let cell = ["left", "right"][random.random_range(0..2)];
-    complete(learner, cell, &policy);
+    match random.random_range(0..8) {
+        0 => drop(learner.set_aside(cell, policy.rollout, "a test").expect("it was asked for")),
+        _ => complete(learner, cell, &policy),
+    }
 }
 
 fn bits(trials: &[TrialRecord]) -> Vec<(Vec<u64>, u64, u64, String, bool)> {

@@ -403,7 +403,7 @@ fn a_wish_holds_from_where_a_session_is_resumed_with_it() {
     let (wished_mode, id) = (mode_policy(&mut parts), mode.policy_id);
     assert!(wished_mode.policy_id == id && wished_mode != mode, "the mode is another one, too");
     assert_eq!(parts.store().policy(id).unwrap(), Some(wished_mode));
-    let text = format!("from rollout 41 on a success must be so: `{wish}`");
+    let text = format!("from rollout 41 on a success must meet: `{wish}`");
     assert!(parts.store().events().unwrap().iter().any(|event| event.text == text));
 
     run(&mut whole, 80);

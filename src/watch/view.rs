@@ -314,9 +314,15 @@ mod tests {
         model.session.trials.extend([trial(1, 0.5), trial(2, 1.5)]);
         model.session.rollouts = 10;
         let text = drawn(&model, &Prompt::None);
-        for part in
-            ["bad", "until", "rearm`", "7 ticks missed", "best 1.500", "at rollout 2", "50 %"]
-        {
+        for part in [
+            "bad",
+            "held by operator",
+            "rearm`",
+            "7 ticks missed",
+            "best 1.500",
+            "at rollout 2",
+            "50 %",
+        ] {
             assert!(text.contains(part), "no '{part}' in: {text}");
         }
         assert!(drawn(&model, &Prompt::Number("12".into())).contains("policy number: 12"));

@@ -199,7 +199,7 @@ mod tests {
             (|h| h.joint_names[1] = text::pack("j1"), ["'j1'", "this order: "]),
             (|h| h.period_ns = 2_000_000, ["2000000 ns", "1000000"]),
             (|h| h.flags &= !PLANT_SIMULATED, ["real", "--pace plant"]),
-            (|h| h.flags &= !PLANT_CAN_RESET, ["cannot reset", "start"]),
+            (|h| h.flags &= !PLANT_CAN_RESET, ["cannot reset", "every rollout needs"]),
             (|h| h.urdf_sha256 = [1; 32], ["01010101", "07070707"]),
             (|h| h.tau_max[0] = 99.0, ["99 N·m", "150"]),
             (|h| h.q[3] = 90.0, ["90 rad", "units"]),
