@@ -197,7 +197,7 @@ fn what_cannot_be_said_is_refused_with_the_reason() {
         (&["judge", "s", "--rate", "11"][..], &["use a number from 0 to 10"][..]),
         (&["judge", "s", "--rate", "NaN"], &["use a number from 0 to 10"]),
         (&["judge", "s", "--rate", "five"], &["use a number from 0 to 10"]),
-        (&["judge", "s", "--rate", "7", "--rollout", "9"], &["has no rollout 9, but 1..=3"]),
+        (&["judge", "s", "--rate", "7", "--rollout", "9"], &["no rollout 9; use 1..=3"]),
         (&["judge", "s", "--better", "--rollout", "1"], &["is the first one", "--rate"]),
         (&["judge", "s", "--better", "--worse"], &["cannot be used with"]),
         (&["judge", "s"], &["--rate"]),

@@ -42,7 +42,7 @@ fn a_rollback_keeps_the_pin_is_counted_and_says_who_waits() {
     let learner = bench.start(&[&learner[..], &[config.to_str().unwrap()]].concat());
     let said = policy(&["rollback"]);
     assert!(said.contains("policy 1 applied") && said.contains("policy unpin --cell c1"), "{said}");
-    let waits = "learner waits: policy 1 is pinned; `skillet policy unpin --cell c1`";
+    let waits = "learner waits: policy 1 is pinned; run `skillet policy unpin --cell c1`";
     let status_now = eventually("the note", || {
         status(&bench).filter(|status| status["notes"].to_string().contains(waits))
     });

@@ -60,7 +60,7 @@ pub enum KeysError {
     Host(String),
     #[error("validity of {0} days: use 1 to {AUTHORITY_DAYS}")]
     Days(u32),
-    #[error("making a certificate: {0}")]
+    #[error("a certificate cannot be made")]
     Make(#[from] rcgen::Error),
     #[error("{path} is no certificate: {reason}; make one with `skillet bridge keys`")]
     Unreadable { path: PathBuf, reason: String },

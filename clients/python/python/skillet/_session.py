@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from ._search import Search
 
 APPLICATION_ID = 0x534B_4C54
-FORMAT = 6
+FORMAT = 7
 PATH_DTYPE = np.dtype([
     ("t_s", "<f4"), ("position_m", "<f4", 3), ("rotation_rad", "<f4", 3), ("object_position_m", "<f4", 3),
     ("object_quaternion", "<f4", 4), ("attractor", "<f4", 6),
