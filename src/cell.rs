@@ -58,6 +58,11 @@ impl NamedCell {
     }
 }
 
+/// The first of `names` that is among those before it.
+pub fn named_twice(names: &[String]) -> Option<&String> {
+    names.iter().enumerate().find(|(k, name)| names[..*k].contains(name)).map(|(_, name)| name)
+}
+
 /// Where a controller keeps what must survive it: `cell.state_dir`, else below
 /// $SKILLET_STATE_DIR, $STATE_DIRECTORY (set by systemd), $XDG_STATE_HOME/skillet or
 /// ~/.local/state/skillet.

@@ -148,15 +148,7 @@ fn measure(client: &Session) -> Result<Vec<Duration>, Failure> {
 }
 
 fn head(seen: Seen) -> TurnHead {
-    let controller = Heartbeat {
-        schema: SCHEMA,
-        boot_id: 3,
-        counter: 1,
-        pinned: 0,
-        latched: 0,
-        leaving: 0,
-        waits: 0,
-    };
+    let controller = Heartbeat { schema: SCHEMA, boot_id: 3, counter: 1, ..Heartbeat::NONE };
     TurnHead {
         bridge: 2,
         host: text::pack::<NAME_LEN>("here"),

@@ -14,6 +14,7 @@ use zenoh::sample::{Sample, SampleKind};
 use crate::answer::{VERDICT_NONE, VERDICT_PENDING};
 use crate::desk::Desk;
 use crate::event::Event;
+use crate::said::Said;
 use crate::turn::{Episode, Seen, Turn, TurnHead, refusal};
 
 /// A cell that says nothing for so long is gone: another bridge may speak for it.
@@ -27,8 +28,6 @@ const NOT_DURABLE: Duration = Duration::from_secs(8);
 const AGAIN: Duration = Duration::from_millis(50);
 /// Turns that may wait; of more, the oldest is answered.
 const MAX_WAITING: usize = 8;
-/// What is refused again and again is said so often.
-const SAY_AGAIN: Duration = Duration::from_secs(60);
 
 /// The bridge that speaks for the cell.
 struct Owner {
@@ -53,13 +52,13 @@ pub(crate) struct Counter<'a> {
     world: String,
     owner: Option<Owner>,
     waiting: Vec<Waiting>,
-    said: Option<(String, Instant)>,
+    said: Said,
     on_event: &'a (dyn Fn(Event) + Sync),
 }
 
 impl<'a> Counter<'a> {
     pub fn new(desk: Desk, world: String, on_event: &'a (dyn Fn(Event) + Sync)) -> Counter<'a> {
-        Counter { desk, world, owner: None, waiting: Vec::new(), said: None, on_event }
+        Counter { desk, world, owner: None, waiting: Vec::new(), said: Said::default(), on_event }
     }
 
     /// Serves the cell until `stop`.
@@ -259,10 +258,7 @@ impl<'a> Counter<'a> {
 
     /// Says something, unless it was said just now.
     fn once(&mut self, event: Event) {
-        let text = event.to_string();
-        let is_said = |(said, at): &(String, Instant)| *said == text && at.elapsed() < SAY_AGAIN;
-        if !self.said.as_ref().is_some_and(is_said) {
-            self.said = Some((text, Instant::now()));
+        if self.said.is_news(&event) {
             (self.on_event)(event);
         }
     }

@@ -21,12 +21,6 @@ const SILENT: Duration = Duration::from_secs(2);
 /// Dead processes that the transport may fail to clear away, as in the controller.
 const MAX_LEAKED: usize = 4;
 
-/// One that has said nothing yet.
-pub(crate) const NO_BEAT: Heartbeat =
-    Heartbeat { schema: 0, boot_id: 0, counter: 0, pinned: 0, latched: 0, leaving: 0, waits: 0 };
-pub(crate) const NO_ACK: Ack =
-    Ack { schema: 0, session: 0, durable_rollout: 0, rollout: 0, success: 0 };
-
 /// An episode that the learner was given.
 #[derive(Clone, Copy, PartialEq)]
 struct HandedIn {
@@ -59,10 +53,10 @@ impl Desk {
         Ok(Desk {
             cell: cell.clone(),
             ports: None,
-            learner: NO_BEAT,
+            learner: Heartbeat::NONE,
             learner_heard: None,
             asked: None,
-            ack: NO_ACK,
+            ack: Ack::NONE,
             seen: Seen { hub, policy: 0, ack: 0 },
             handed_in: None,
             beats: 0,
@@ -146,7 +140,7 @@ impl Desk {
 
     /// Gives an episode to the learner, unless it has it already; whether it has it now.
     pub fn hand_in(&mut self, episode: &Episode) -> Result<bool, ChannelError> {
-        let (name, boot_id) = (episode.name(), episode.header.boot_id);
+        let (name, boot_id) = (episode.header.name(), episode.header.boot_id);
         let is_it = |had: &HandedIn| had.name == name && had.boot_id == boot_id;
         if self.handed_in.as_ref().is_some_and(is_it) {
             return Ok(true);
@@ -176,7 +170,7 @@ impl Desk {
         }
         let policies = self.seen.policy;
         let asked_since =
-            |had: &mut HandedIn| had.name == episode.name() && had.policies < policies;
+            |had: &mut HandedIn| had.name == episode.header.name() && had.policies < policies;
         match self.handed_in.take_if(asked_since) {
             Some(_) => VERDICT_ASKED_AGAIN,
             None => VERDICT_PENDING,

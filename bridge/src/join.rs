@@ -244,7 +244,7 @@ impl Join<'_> {
                 let turns = self.turns(kind);
                 turns.ended();
                 let is_unexplained = turns.failures > KNOCK_AFTER;
-                if kind == Kind::News && is_unexplained && self.reach.complained.is_none() {
+                if kind == Kind::News && is_unexplained && self.reach.complained.is_nothing() {
                     self.reach.failed("nobody serves this cell there".to_string());
                 }
             }

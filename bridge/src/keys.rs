@@ -1,7 +1,7 @@
 //! Certificates for a bridge: an authority of its own, one certificate for the learner's machine, one for every cell.
 //!
 //! ```text
-//! DIR/ca.pem, DIR/ca.key                     the authority; its key stays with whoever adds cells
+//! DIR/ca.pem, DIR/ca.key                     the authority; its key stays with those who add cells
 //! DIR/learner/{ca,cert,key}.pem              for the hub
 //! DIR/cells/<cell>/{ca,cert,key}.pem         for that cell
 //! ```

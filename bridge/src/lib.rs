@@ -26,5 +26,7 @@ pub mod keys;
 #[cfg(feature = "network")]
 pub mod net;
 #[cfg(feature = "network")]
+mod said;
+#[cfg(feature = "network")]
 mod seat;
 pub mod turn;

@@ -11,7 +11,6 @@ use shm_types::policy::PolicyMsg;
 use shm_types::ports::{LearnerPorts, ToolPorts};
 use shm_types::telemetry::Heartbeat;
 
-use crate::desk::NO_BEAT;
 use crate::turn::Episode;
 
 /// Age of a heartbeat after which a controller is not told of any more.
@@ -47,7 +46,7 @@ impl Seat {
             cell: cell.clone(),
             ports: None,
             next_join: Instant::now(),
-            controller: NO_BEAT,
+            controller: Heartbeat::NONE,
             heard: None,
             policy: None,
             ack: None,
@@ -74,7 +73,7 @@ impl Seat {
             }
         };
         if is_new {
-            self.controller = NO_BEAT; // its beat is to come
+            self.controller = Heartbeat::NONE; // its beat is to come
             self.publish_all();
         }
         Ok(is_new)
@@ -94,7 +93,7 @@ impl Seat {
     pub fn controller(&self) -> Heartbeat {
         match self.heard {
             Some(heard) if heard.elapsed() < SILENT => self.controller,
-            _ => NO_BEAT,
+            _ => Heartbeat::NONE,
         }
     }
 

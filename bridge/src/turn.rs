@@ -10,7 +10,6 @@
 use shm_types::SCHEMA;
 use shm_types::command::Status;
 use shm_types::episode::{EpisodeError, EpisodeHeader, MAX_RECORDS, TickRecord};
-use shm_types::policy::PolicyName;
 use shm_types::telemetry::Heartbeat;
 use shm_types::text;
 use thiserror::Error;
@@ -142,17 +141,6 @@ impl Prefix {
     }
 }
 
-impl Episode {
-    pub fn name(&self) -> PolicyName {
-        name_of(&self.header)
-    }
-}
-
-pub(crate) fn name_of(header: &EpisodeHeader) -> PolicyName {
-    let EpisodeHeader { session, rollout, policy_id, policy_digest: digest, .. } = *header;
-    PolicyName { session, rollout, policy_id, digest }
-}
-
 impl TurnHead {
     pub fn cell_name(&self) -> String {
         text::unpack(&self.cell)
@@ -178,9 +166,7 @@ impl TurnHead {
         bytes.extend_from_slice(Prefix::OURS.as_bytes());
         bytes.extend_from_slice(head.as_bytes());
         if let Some((header, records)) = episode {
-            bytes.extend_from_slice(header.as_bytes());
-            let n_records = (header.n_records as usize).min(records.len());
-            bytes.extend_from_slice(records[..n_records].as_bytes());
+            header.write(records, &mut bytes);
         }
         bytes
     }
@@ -206,15 +192,8 @@ impl Turn {
 }
 
 fn episode(bytes: &[u8], len: usize) -> Result<Episode, MessageError> {
-    let (header, rest) =
-        EpisodeHeader::read_from_prefix(bytes).map_err(|_| MessageError::Length { len })?;
-    if !rest.len().is_multiple_of(size_of::<TickRecord>()) {
-        return Err(MessageError::Length { len });
-    }
-    let mut records = vec![TickRecord::ZERO; rest.len() / size_of::<TickRecord>()];
-    records.as_mut_bytes().copy_from_slice(rest);
-    let used = header.validate(&records)?.len();
-    if used != records.len() {
+    let (header, records) = EpisodeHeader::read(bytes).ok_or(MessageError::Length { len })?;
+    if header.validate(&records)?.len() != records.len() {
         return Err(MessageError::Length { len });
     }
     Ok(Episode { header, records })
@@ -234,15 +213,7 @@ mod tests {
             cell: text::pack("kitchen"),
             certificate: text::pack(""),
             world: text::pack(""),
-            controller: Heartbeat {
-                schema: SCHEMA,
-                boot_id: 1,
-                counter: 2,
-                pinned: 0,
-                latched: 0,
-                leaving: 0,
-                waits: 0,
-            },
+            controller: Heartbeat { schema: SCHEMA, boot_id: 1, counter: 2, ..Heartbeat::NONE },
             status: Status::ZERO,
             seen: Seen { hub: 1, policy: 2, ack: 3 },
             has_episode: 0,

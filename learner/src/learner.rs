@@ -4,7 +4,7 @@
 //! ```text
 //! while !learner.is_done() {
 //!     let policy = learner.next_policy()?;              // durable, then publish it
-//!     let report = learner.complete(&policy, &header, &records)?; // durable, then acknowledge it
+//!     let report = learner.complete(cell, &header, &records)?; // durable, then acknowledge it
 //! }
 //! ```
 //!

@@ -6,12 +6,12 @@
 //! by its id: nothing is lost, nothing counts twice.
 
 use std::fs::{self, File};
-use std::hash::{BuildHasher, Hasher, RandomState};
 use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use serde::{Deserialize, Serialize};
+use shm_types::random_id;
 
 /// Within the session folder.
 const FOLDER: &str = "mail";
@@ -63,7 +63,7 @@ impl Mail {
 
     /// Posts a letter: durable when this returns.
     pub fn post(&self, says: Says) -> io::Result<Post> {
-        let letter = Letter { id: RandomState::new().build_hasher().finish(), says };
+        let letter = Letter { id: random_id(), says };
         let text = serde_json::to_string(&letter).map_err(io::Error::other)?;
         fs::create_dir_all(&self.dir)?;
         let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_nanos();

@@ -49,8 +49,8 @@ const LONG: Duration = Duration::from_secs(1);
 /// A rollout that takes longer, Approach included, is asked for again, of another cell if there is one.
 const ROLLOUT: Duration = Duration::from_secs(30);
 
-/// Runs the session in these cells, each with what the session calls it, until it is done or stopped. When the disk refuses something, it waits if it
-/// `is_patient`, as a service is; else that is its end.
+/// Runs the session in these cells, each with what the session calls it, until it is done or stopped. When
+/// the disk refuses something, it waits if it `is_patient`, as a service is; else that is its end.
 ///
 /// # Errors
 /// [`SessionError`]; everything before it is stored.
@@ -147,10 +147,11 @@ impl Session<'_> {
     /// A rollout in flight that no cell was asked for: proposed with the trial before it, left by a cell, or by an
     /// earlier run. Before people are heard only what must come back first.
     fn left_over(&self, may_ask: bool) -> Option<PolicyMsg> {
-        let told = self.learner.trials().iter().map(|trial| trial.rollout).max().unwrap_or(0);
+        let trials = self.learner.trials();
+        let is_awaited = |rollout| trials.iter().any(|trial| trial.rollout > rollout);
         let is_asked = |rollout| self.links.iter().any(|link| link.has(rollout));
         let mut left = self.learner.in_flight().filter(|policy| !is_asked(policy.rollout));
-        left.find(|policy| may_ask || policy.rollout < told).copied()
+        left.find(|policy| may_ask || is_awaited(policy.rollout)).copied()
     }
 
     /// Cell `k` can be asked for a rollout. The only one waits for its turn; among several, those are asked that

@@ -3,8 +3,10 @@
 #[cfg(feature = "transport")]
 use iceoryx2::prelude::ZeroCopySend;
 use thiserror::Error;
+use zerocopy::{FromBytes, IntoBytes};
 
 use crate::measures::{Measures, MeasuresError};
+use crate::policy::PolicyName;
 use crate::text::{self, NO_REASON, REASON_LEN};
 use crate::{MAX_JOINTS, SCHEMA, TASK_DIM};
 
@@ -189,6 +191,9 @@ impl Default for EpisodeHeader {
 }
 
 impl Ack {
+    /// Of a learner that has not been heard.
+    pub const NONE: Ack = Ack { schema: 0, session: 0, durable_rollout: 0, rollout: 0, success: 0 };
+
     /// This rollout is durable, by what is acknowledged here.
     pub fn covers(&self, session: u64, rollout: u64) -> bool {
         self.session == session && (rollout <= self.durable_rollout || rollout == self.rollout)
@@ -196,6 +201,32 @@ impl Ack {
 }
 
 impl EpisodeHeader {
+    /// The policy that was executed, and as which rollout.
+    pub fn name(&self) -> PolicyName {
+        PolicyName {
+            session: self.session,
+            rollout: self.rollout,
+            policy_id: self.policy_id,
+            digest: self.policy_digest,
+        }
+    }
+
+    /// Appends header and records in use to `bytes`.
+    pub fn write(&self, records: &[TickRecord], bytes: &mut Vec<u8>) {
+        let n_records = (self.n_records as usize).min(records.len());
+        bytes.extend_from_slice(self.as_bytes());
+        bytes.extend_from_slice(records[..n_records].as_bytes());
+    }
+
+    /// What [`EpisodeHeader::write`] has written, unchecked; `None` if `bytes` are no header with whole records.
+    pub fn read(bytes: &[u8]) -> Option<(EpisodeHeader, Vec<TickRecord>)> {
+        let (header, rest) = EpisodeHeader::read_from_prefix(bytes).ok()?;
+        let is_whole = rest.len().is_multiple_of(size_of::<TickRecord>());
+        let mut records = vec![TickRecord::ZERO; rest.len() / size_of::<TickRecord>()];
+        is_whole.then(|| records.as_mut_bytes().copy_from_slice(rest))?;
+        Some((header, records))
+    }
+
     /// Checks header and records, and returns the records in use.
     pub fn validate<'a>(
         &self,

@@ -6,6 +6,9 @@
 //! Without the feature `transport` only the messages are left, for programs that never meet a cell.
 
 #![allow(unsafe_code)] // only what the ZeroCopySend derive expands to
+
+use std::hash::{BuildHasher, Hasher, RandomState};
+
 mod schema;
 #[macro_use]
 mod message;
@@ -42,6 +45,11 @@ pub mod text;
 mod tool;
 
 pub use schema::{Digest, SCHEMA};
+
+/// A number that names a session, a request or a process. It is random and decides nothing.
+pub fn random_id() -> u64 {
+    RandomState::new().build_hasher().finish()
+}
 
 /// Joints of the largest arm a message can carry.
 pub const MAX_JOINTS: usize = 7;

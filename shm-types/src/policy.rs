@@ -176,7 +176,7 @@ impl PolicyMsg {
         }
     }
 
-    /// Hash of the physical parameters (not of who asks for them).
+    /// Hash of the physical parameters (not of the session that asks for them).
     pub fn compute_digest(&self) -> u64 {
         match self.n_systems {
             0 => self.digest_springs().finish(),

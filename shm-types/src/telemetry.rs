@@ -59,6 +59,19 @@ message! {
     }
 }
 
+impl Heartbeat {
+    /// Of a process that has not been heard.
+    pub const NONE: Heartbeat = Heartbeat {
+        schema: 0,
+        boot_id: 0,
+        counter: 0,
+        pinned: 0,
+        latched: 0,
+        leaving: 0,
+        waits: 0,
+    };
+}
+
 impl Telemetry {
     pub const EMPTY: Telemetry = Telemetry {
         schema: SCHEMA,

@@ -1,8 +1,6 @@
 //! `skillet bench learner`: how many episodes a second one learner makes durable, from how many cells.
 
-use std::ffi::OsStr;
 use std::path::Path;
-use std::process::Stdio;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
@@ -14,9 +12,9 @@ use shm_types::policy::PolicyMsg;
 use shm_types::ports::ControllerPorts;
 use shm_types::telemetry::Heartbeat;
 
-use super::service::resident_mib;
+use super::service::{Learners, resident_mib};
 use super::{Bench, Plan, Row};
-use crate::children::Service;
+use crate::cli::PaceArg;
 use crate::config::{Config, LogConfig};
 use crate::setup;
 use crate::tasks::executor::executor;
@@ -111,8 +109,7 @@ fn serve(cell: &Cell, feed: &Feed<'_>) -> Result<()> {
         if now >= next_beat {
             (next_beat, counter) = (now + BEAT, counter + 1);
             let (schema, boot_id) = (SCHEMA, 1);
-            let (pinned, latched, leaving, waits) = (0, 0, 0, 0);
-            let beat = Heartbeat { schema, boot_id, counter, pinned, latched, leaving, waits };
+            let beat = Heartbeat { schema, boot_id, counter, ..Heartbeat::NONE };
             let _ = ports.beat.send_copy(beat);
             ports.meet_newcomers();
         }
@@ -162,14 +159,21 @@ fn watch(
     let file = dir.join("bench.toml");
     std::fs::write(&file, config.to_toml()?)
         .with_context(|| format!("{}: cannot write", file.display()))?;
-    let mut learner = start(dir, &file, cells)?;
+    let learners = Learners {
+        cells: cells.iter().map(|cell| cell.name().into()).collect(),
+        pace: PaceArg::Max,
+        config: file,
+        session: dir.join("session"),
+        log: dir.join("learner.log"),
+    };
+    let mut learner = learners.start()?;
     let begun = Instant::now();
     while feed.durable.load(Ordering::Relaxed) == 0 {
         if let Some(status) = learner.exited()? {
             bail!(learner.obituary(status));
         }
         if begun.elapsed() > SOON {
-            bail!("no episode within {SOON:?}; the log is {}", dir.join("learner.log").display());
+            bail!("no episode within {SOON:?}; the log is {}", learners.log.display());
         }
         std::thread::sleep(Duration::from_millis(10));
     }
@@ -195,18 +199,6 @@ fn watch(
 
 fn count(feed: &Feed<'_>) -> u64 {
     feed.durable.load(Ordering::Relaxed)
-}
-
-fn start(dir: &Path, config: &Path, cells: &[Cell]) -> Result<Service> {
-    let (parent, session) = (std::process::id().to_string(), dir.join("session"));
-    let mut arguments: Vec<&OsStr> =
-        ["learner", "--pace", "max", "--child", &parent].map(OsStr::new).to_vec();
-    arguments.extend([OsStr::new("--session"), session.as_os_str()]);
-    arguments.extend([OsStr::new("--config"), config.as_os_str()]);
-    for cell in cells {
-        arguments.extend(["--cell", cell.name()].map(OsStr::new));
-    }
-    Service::start("learner", &arguments, dir.join("learner.log"), Stdio::null())
 }
 
 /// Processor time of a process so far, s.

@@ -15,6 +15,7 @@ use shm_types::ports::ToolPorts;
 
 use super::arm::message;
 use crate::children::Service;
+use crate::cli::PaceArg;
 use crate::config::{Config, LogConfig};
 use crate::signals::end_after;
 
@@ -77,10 +78,11 @@ impl BenchCell {
         Service::start("study", &arguments, self.log("study"), Stdio::null())
     }
 
-    /// Learners of this cell, all of one session.
+    /// Learners of this cell, all of one session, beside a loop that keeps the clock.
     pub fn learners(&self) -> Learners {
         Learners {
-            cell: self.cell.name().into(),
+            cells: vec![self.cell.name().into()],
+            pace: PaceArg::Realtime,
             config: self.path("bench.toml"),
             session: self.path("session"),
             log: self.log("learner"),
@@ -106,17 +108,19 @@ impl BenchCell {
 
 /// What it takes to start a learner.
 pub struct Learners {
-    cell: String,
-    config: PathBuf,
-    session: PathBuf,
-    log: PathBuf,
+    pub cells: Vec<String>,
+    pub pace: PaceArg,
+    pub config: PathBuf,
+    pub session: PathBuf,
+    pub log: PathBuf,
 }
 
 impl Learners {
     pub fn start(&self) -> Result<Service> {
         let parent = std::process::id().to_string();
         let mut arguments =
-            ["learner", "--child", &parent, "--cell", &self.cell].map(OsStr::new).to_vec();
+            ["learner", "--child", &parent, "--pace", self.pace.name()].map(OsStr::new).to_vec();
+        arguments.extend(self.cells.iter().flat_map(|cell| ["--cell", cell].map(OsStr::new)));
         arguments.extend([OsStr::new("--session"), self.session.as_os_str()]);
         // A session brings its own configuration.
         if !self.session.join("session.toml").exists() {

@@ -25,7 +25,6 @@ pub fn run(args: &BridgeArgs) -> Result<Verdict> {
 
 #[cfg(feature = "bridge")]
 mod network {
-    use std::hash::{BuildHasher, Hasher, RandomState};
     use std::path::Path;
 
     use anyhow::{Result, bail};
@@ -37,9 +36,11 @@ mod network {
     use rt_controller::rt::{leave_core, loop_core};
     use sha2::{Digest, Sha256};
     use shm_types::cell::Cell;
+    use shm_types::random_id;
     use shm_types::service_manager::{Notice, notify};
 
     use crate::Verdict;
+    use crate::cell::named_twice;
     use crate::cli::bridge::{JoinArgs, KeysArgs, ServeArgs};
     use crate::config::{Config, LogConfig};
     use crate::signals::{Who, stop_flag};
@@ -48,17 +49,15 @@ mod network {
     pub fn serve(args: &ServeArgs) -> Result<Verdict> {
         let config = Config::load(args.config.as_deref())?;
         let stop = start(&config, args.config.as_deref())?;
-        if let Some(twice) =
-            args.allow.iter().enumerate().find(|(k, name)| args.allow[..*k].contains(name))
-        {
-            bail!("--allow {}: named twice", twice.1);
+        if let Some(twice) = named_twice(&args.allow) {
+            bail!("--allow {twice}: named twice");
         }
         let hub = HubConfig {
             listen: args.listen.clone(),
             keys: args.keys.as_deref().map(Keys::at),
             cells: args.allow.iter().map(|name| Cell::new(name)).collect::<Result<_, _>>()?,
             world: world(args.config.as_deref(), &config)?,
-            id: some_id(),
+            id: random_id(),
         };
         hub::run(&hub, &stop, &|event| {
             if let Event::Serves { .. } = event {
@@ -78,7 +77,7 @@ mod network {
             connect: args.connect.clone(),
             keys: args.keys.as_deref().map(Keys::at),
             world: world(args.config.as_deref(), &config)?,
-            id: some_id(),
+            id: random_id(),
         };
         // One that waits for its learner is up.
         notify(&[Notice::Ready]);
@@ -126,11 +125,6 @@ mod network {
         let digest = Sha256::digest(setup::arm_text(config)?);
         let digest: String = digest[..6].iter().map(|byte| format!("{byte:02x}")).collect();
         Ok(format!("task {task} on the arm with URDF {digest}"))
-    }
-
-    /// Names this process; it decides nothing.
-    fn some_id() -> u64 {
-        RandomState::new().build_hasher().finish()
     }
 
     fn tell(event: &Event) {

@@ -1,6 +1,5 @@
 //! `skillet learner`: the learner service of a cell.
 
-use std::hash::{BuildHasher, Hasher, RandomState};
 use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
@@ -12,9 +11,11 @@ use learner::store::{SessionMeta, Store};
 use rt_controller::fault::Fault;
 use rt_controller::rt::{leave_core, loop_core};
 use shm_types::cell::{Cell, CellLock, Role};
+use shm_types::random_id;
 use shm_types::service_manager::{Notice, notify};
 
 use crate::Verdict;
+use crate::cell::named_twice;
 use crate::cli::{LearnerArgs, PaceArg};
 use crate::config::Config;
 use crate::config::judge::absolute;
@@ -140,7 +141,7 @@ fn open(folder: &SessionFolder, config: &Config) -> Result<Learner> {
     let meta = SessionMeta {
         task: config.task.name.clone(),
         // Only a name: it decides nothing, so it may differ between equal sessions.
-        session_id: RandomState::new().build_hasher().finish(),
+        session_id: random_id(),
         config_toml: config.to_toml()?,
         measures: Vec::new(), // the judge's
         learner: config.learner.clone(),
@@ -157,8 +158,8 @@ fn cells(args: &LearnerArgs, config: &Config) -> Result<Vec<(String, Cell)>> {
         [] => std::slice::from_ref(&config.cell.name),
         names => names,
     };
-    if let Some(twice) = names.iter().enumerate().find(|(k, name)| names[..*k].contains(name)) {
-        bail!("--cell {}: named twice; name each cell once", twice.1);
+    if let Some(twice) = named_twice(names) {
+        bail!("--cell {twice}: named twice; name each cell once");
     }
     let named = |(k, name): (usize, &String)| {
         let called = match args.child {

@@ -1,6 +1,5 @@
 //! `skillet policy import | activate | pin | …`: the policies of a running cell.
 
-use std::hash::{BuildHasher, Hasher, RandomState};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use anyhow::{Context, Result, bail};
@@ -11,6 +10,7 @@ use shm_types::command::{
     AT_NEXT_ROLLOUT, AT_NOW, COMMAND_ACTIVATE, COMMAND_IMPORT, COMMAND_ROLLBACK, Command, LAST_GOOD,
 };
 use shm_types::policy::PolicyMsg;
+use shm_types::random_id;
 
 use crate::Verdict;
 use crate::cell::NamedCell;
@@ -26,7 +26,7 @@ const LAST_GOOD_WORD: &str = "last-good";
 
 /// A command with a unique id.
 fn command(kind: u64) -> Command {
-    Command::new(kind, RandomState::new().build_hasher().finish())
+    Command::new(kind, random_id())
 }
 
 pub fn import(cell: &NamedCell, policy: PolicyMsg, as_json: bool) -> Result<Verdict> {

@@ -1,12 +1,11 @@
 //! `skillet posture`: changes the null-space posture while the tip continues its skill.
 
-use std::hash::{BuildHasher, Hasher, RandomState};
 use std::time::Duration;
 
 use anyhow::Result;
 use serde_json::json;
-use shm_types::MAX_JOINTS;
 use shm_types::command::{COMMAND_POSTURE, Command};
+use shm_types::{MAX_JOINTS, random_id};
 
 use crate::Verdict;
 use crate::cell::NamedCell;
@@ -18,7 +17,7 @@ const SOON: Duration = Duration::from_secs(5);
 
 pub fn run(args: &PostureArgs) -> Result<Verdict> {
     let named = NamedCell::of(&args.cell)?;
-    let (name, id) = (named.cell.name(), RandomState::new().build_hasher().finish());
+    let (name, id) = (named.cell.name(), random_id());
     let (posture, duration_s) = (offset(args), args.within.unwrap_or(0.0));
     let command = Command { posture, duration_s, ..Command::new(COMMAND_POSTURE, id) };
     let (reply, sent_ns) = named.request(&command, SOON)?;

@@ -1,11 +1,11 @@
 //! `skillet hold` and `skillet rearm`: hold the arm, and release it.
 
-use std::hash::{BuildHasher, Hasher, RandomState};
 use std::time::Duration;
 
 use anyhow::Result;
 use serde_json::json;
 use shm_types::command::{COMMAND_HOLD, COMMAND_REARM, Command};
+use shm_types::random_id;
 
 use crate::Verdict;
 use crate::cell::NamedCell;
@@ -40,7 +40,7 @@ pub fn hold(args: &HoldArgs) -> Result<Verdict> {
 /// Sends a command; returns the name of the cell.
 fn request(cell: &CellArgs, kind: u64) -> Result<String> {
     let named = NamedCell::of(cell)?;
-    let id = RandomState::new().build_hasher().finish();
+    let id = random_id();
     named.request(&Command::new(kind, id), SOON)?;
     Ok(named.cell.name().to_string())
 }

@@ -7,15 +7,13 @@ use std::cmp::Reverse;
 use std::collections::{BinaryHeap, VecDeque};
 
 use anyhow::Result;
-use learner::problem::Problem;
-use learner::targets::measured;
 use search::AskTell;
 use search::trial::Trial;
 
 use super::Sample;
+use super::runs::Came;
+use super::tasks::{Rollout, Stage};
 use crate::config::Config;
-use crate::tasks::executor::executor;
-use crate::{judging, setup};
 
 const ARMS: [usize; 6] = [1, 2, 4, 8, 16, 64];
 /// Told trials at the end that show what the search has come to, and the share of successes that is wanted.
@@ -77,10 +75,8 @@ impl Session {
 fn session(arms: usize, seed: u64) -> Result<Session> {
     let mut config = Config::of_task("pancake");
     config.learner.seed = seed;
-    let (judge, mut execute) = (judging::judge(&config)?, executor(&config)?);
-    let problem = Problem::new(&config.learner, &setup::demonstrations(&config)?)?
-        .with_prediction(&config.learner, judge.predictor());
-    let mut search = AskTell::new(problem.search(&config.learner));
+    let mut stage = Stage::of(&config)?;
+    let mut search = AskTell::new(stage.problem.search(&config.learner));
     let mut session = Session(Vec::new());
     // When an arm's rollout is over, its rollout, and what is told then.
     let mut under_way: BinaryHeap<Reverse<(u64, u64)>> = BinaryHeap::new();
@@ -90,13 +86,10 @@ fn session(arms: usize, seed: u64) -> Result<Session> {
         while under_way.len() < arms {
             let rollout = outcomes.len() as u64 + 1;
             let theta = search.ask(rollout).theta;
-            let policy = problem.decode(&theta, Default::default());
-            let (header, records) = execute(&policy)?;
-            let (measures, success, reward) = judge.judge(&policy, &header, &records)?;
-            let measured = measured(config.learner.search.targets(), &measures);
+            let Rollout { came, duration_ns, .. } = stage.execute(&theta)?;
+            let Came { success, reward, measured } = came;
             outcomes.push(Some(Trial { rollout, theta, reward, success, measured }));
-            let takes_ns = records.len() as u64 * header.period_ns + BETWEEN_NS;
-            under_way.push(Reverse((now_ns + takes_ns, rollout)));
+            under_way.push(Reverse((now_ns + duration_ns + BETWEEN_NS, rollout)));
         }
         let Some(Reverse((over_ns, rollout))) = under_way.pop() else { break };
         now_ns = over_ns;

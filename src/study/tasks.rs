@@ -4,16 +4,20 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use anyhow::Result;
+use learner::judge::Judge;
 use learner::problem::Problem;
 use learner::targets::measured;
+use nalgebra::DVector;
+use search::aim::Target;
 use search::trial::Trial;
 use search::{Method, Search};
+use shm_types::measures::Measures;
 use shm_types::policy::PolicyMsg;
 
 use super::Sample;
 use super::runs::{Came, session};
 use crate::config::Config;
-use crate::tasks::executor::executor;
+use crate::tasks::executor::{Executor, executor};
 use crate::tasks::{self, Task};
 use crate::{judging, setup};
 
@@ -87,28 +91,58 @@ pub struct Learnt {
     ways: Option<usize>,
 }
 
+/// A task that is learnt in this process.
+pub struct Stage {
+    pub problem: Problem,
+    judge: Judge,
+    execute: Box<Executor>,
+    targets: Vec<Target>,
+}
+
+/// What became of a rollout.
+pub struct Rollout {
+    pub came: Came,
+    pub measures: Measures,
+    /// How long it took, in the time of the simulation.
+    pub duration_ns: u64,
+}
+
+impl Stage {
+    pub fn of(config: &Config) -> Result<Stage> {
+        let (judge, execute) = (judging::judge(config)?, executor(config)?);
+        let problem = match config.has_arm() {
+            true => Problem::new(&config.learner, &setup::demonstrations(config)?)?,
+            false => {
+                let start = PolicyMsg::of_action(&config.learner.action.start).sealed();
+                Problem::around(&start, &config.learner, &[])?
+            }
+        };
+        let problem = problem.with_prediction(&config.learner, judge.predictor());
+        Ok(Stage { problem, judge, execute, targets: config.learner.search.targets().to_vec() })
+    }
+
+    pub fn execute(&mut self, theta: &DVector<f64>) -> Result<Rollout> {
+        let policy = self.problem.decode(theta, Default::default());
+        let (header, records) = (self.execute)(&policy)?;
+        let (measures, success, reward) = self.judge.judge(&policy, &header, &records)?;
+        let came = Came { success, reward, measured: measured(&self.targets, &measures) };
+        let duration_ns = records.len() as u64 * header.period_ns;
+        Ok(Rollout { came, measures, duration_ns })
+    }
+}
+
 /// A session with the search that `search` makes of its problem.
 pub fn learn(config: &Config, search: impl FnOnce(&Problem) -> Box<dyn Search>) -> Result<Learnt> {
-    let (judge, mut execute) = (judging::judge(config)?, executor(config)?);
-    let problem = match config.has_arm() {
-        true => Problem::new(&config.learner, &setup::demonstrations(config)?)?,
-        false => {
-            let start = PolicyMsg::of_action(&config.learner.action.start).sealed();
-            Problem::around(&start, &config.learner, &[])?
-        }
-    };
-    let problem = problem.with_prediction(&config.learner, judge.predictor());
-    let mut search = search(&problem);
-    let knows_ways = judge.declared().iter().any(|(name, _)| name == WAY);
+    let mut stage = Stage::of(config)?;
+    let mut search = search(&stage.problem);
+    let knows_ways = stage.judge.declared().iter().any(|(name, _)| name == WAY);
     let mut ways = BTreeSet::new();
     let trials = session(&mut *search, config.learner.rollouts, |_, theta| {
-        let policy = problem.decode(theta, Default::default());
-        let (header, records) = execute(&policy)?;
-        let (measures, success, reward) = judge.judge(&policy, &header, &records)?;
-        if let Some(way) = measures.get(WAY).filter(|_| success) {
+        let Rollout { came, measures, .. } = stage.execute(theta)?;
+        if let Some(way) = measures.get(WAY).filter(|_| came.success) {
             ways.insert(way.to_bits());
         }
-        Ok(Came { success, reward, measured: measured(config.learner.search.targets(), &measures) })
+        anyhow::Ok(came)
     })?;
     let trials = trials.into_iter().map(|executed| executed.trial).collect();
     Ok(Learnt { trials, ways: knows_ways.then_some(ways.len()) })

@@ -1,7 +1,6 @@
 //! Keys of the terminal view: each runs a command of the tool on its own thread.
 //! A rating is a letter to the session of the cell's learner.
 
-use std::hash::{BuildHasher, Hasher, RandomState};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Duration;
 
@@ -11,6 +10,7 @@ use shm_types::command::{
     COMMAND_UNPIN, Command,
 };
 use shm_types::ports::ToolPorts;
+use shm_types::random_id;
 
 use crate::people::{self, Word};
 use crate::session_folder::SessionFolder;
@@ -56,7 +56,7 @@ impl Action {
             Action::Hold => COMMAND_HOLD,
             Action::Rearm => COMMAND_REARM,
         };
-        let command = Command::new(kind, RandomState::new().build_hasher().finish());
+        let command = Command::new(kind, random_id());
         Some(match self {
             Action::Activate(policy_id) => Command { policy_id, at: AT_NOW, ..command },
             Action::RollBack => Command { at: AT_NOW, ..command },

@@ -1,7 +1,7 @@
 //! Whether the learner's machine is within reach, and what is said of that.
 
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use zenoh::Session;
 
@@ -9,22 +9,20 @@ use super::{BEAT, JoinConfig, JoinError};
 use crate::backoff::Backoff;
 use crate::event::Event;
 use crate::net::{self, NetError};
+use crate::said::Said;
 use crate::seat::Seat;
-
-/// What goes on failing is said so often.
-const SAY_AGAIN: Duration = Duration::from_secs(60);
 
 /// Whether the hub answers, and what is said of that.
 pub(super) struct Reach<'a> {
     pub config: &'a JoinConfig,
     is_connected: bool,
-    pub complained: Option<(String, Instant)>,
+    pub complained: Said,
     pub on_event: &'a mut dyn FnMut(Event),
 }
 
 impl<'a> Reach<'a> {
     pub fn new(config: &'a JoinConfig, on_event: &'a mut dyn FnMut(Event)) -> Reach<'a> {
-        Reach { config, is_connected: false, complained: None, on_event }
+        Reach { config, is_connected: false, complained: Said::default(), on_event }
     }
 
     /// Connects, however long it takes; `None` when stopped.
@@ -51,7 +49,7 @@ impl<'a> Reach<'a> {
     }
 
     pub fn answered(&mut self) {
-        self.complained = None;
+        self.complained = Said::default();
         if !self.is_connected {
             self.is_connected = true;
             (self.on_event)(Event::Connected { address: self.config.connect.clone() });
@@ -68,11 +66,8 @@ impl<'a> Reach<'a> {
 
     /// Says what is wrong, once and then now and then.
     fn complain(&mut self, event: Event) {
-        let text = event.to_string();
-        let is_said = |(said, at): &(String, Instant)| *said == text && at.elapsed() < SAY_AGAIN;
         self.is_connected = false;
-        if !self.complained.as_ref().is_some_and(is_said) {
-            self.complained = Some((text, Instant::now()));
+        if self.complained.is_news(&event) {
             (self.on_event)(event);
         }
     }

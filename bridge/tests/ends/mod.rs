@@ -195,7 +195,7 @@ pub fn learner(cell: Cell, n: u64, late: Duration) -> Running<Learnt> {
 }
 
 pub fn beat(boot_id: u64, counter: u64) -> Heartbeat {
-    Heartbeat { schema: SCHEMA, boot_id, counter, pinned: 0, latched: 0, leaving: 0, waits: 0 }
+    Heartbeat { schema: SCHEMA, boot_id, counter, ..Heartbeat::NONE }
 }
 
 pub fn policy(rollout: u64) -> PolicyMsg {

@@ -219,7 +219,7 @@ impl Session<'_> {
         })
     }
 
-    /// A rollout of cell `k` is a trial now: whoever else was asked for it is free, and everybody is told.
+    /// A rollout of cell `k` is a trial now: other cells that were asked for it are free, and observers are told.
     fn landed(&mut self, k: usize, report: &TrialReport) {
         for link in &mut self.links {
             link.asked.take_if(|asked| asked.policy.rollout == report.rollout);

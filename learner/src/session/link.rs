@@ -244,10 +244,9 @@ impl Link {
             schema: SCHEMA,
             boot_id: u64::from(std::process::id()),
             counter: self.beat_counter,
-            pinned: 0,
-            latched: 0,
             leaving: u64::from(is_leaving),
             waits,
+            ..Heartbeat::NONE
         };
         // Nobody listening is what the controller's own silence will tell.
         let _ = ports.beat.send_copy(beat);

@@ -72,7 +72,7 @@ impl Spool {
         for path in fs::read_dir(dir)?.flatten().map(|entry| entry.path()) {
             match read(&path) {
                 Ok((header, _)) => {
-                    names.insert((header.session, header.rollout), name_of(&header));
+                    names.insert((header.session, header.rollout), header.name());
                 }
                 Err(error) => {
                     tracing::warn!("{}: {error}; removed", path.display());
@@ -190,23 +190,16 @@ fn spool(inbox: &Receiver<(PathBuf, PolicyName, EpisodeLoan)>, outbox: &Sender<S
     }
 }
 
-fn name_of(header: &EpisodeHeader) -> PolicyName {
-    let EpisodeHeader { session, rollout, policy_id, policy_digest: digest, .. } = *header;
-    PolicyName { session, rollout, policy_id, digest }
-}
-
 fn read(path: &Path) -> Result<(EpisodeHeader, Vec<TickRecord>), SpoolError> {
     decode(&fs::read(path)?)
 }
 
 /// Only the records in use are written.
 fn encode(header: &EpisodeHeader, records: &[TickRecord]) -> Vec<u8> {
-    let n_records = (header.n_records as usize).min(records.len());
     let mut bytes = Vec::new();
     bytes.extend_from_slice(MAGIC.as_bytes());
     bytes.extend_from_slice(SCHEMA.as_bytes());
-    bytes.extend_from_slice(header.as_bytes());
-    bytes.extend_from_slice(records[..n_records].as_bytes());
+    header.write(records, &mut bytes);
     let digest = Digest::new().bytes(&bytes).finish();
     bytes.extend_from_slice(digest.as_bytes());
     bytes
@@ -219,18 +212,10 @@ pub(crate) fn decode(bytes: &[u8]) -> Result<(EpisodeHeader, Vec<TickRecord>), S
     }
     let ([magic, schema], rest) =
         <[u64; 2]>::read_from_prefix(content).map_err(|_| SpoolError::Damaged)?;
-    let (header, mut rest) =
-        EpisodeHeader::read_from_prefix(rest).map_err(|_| SpoolError::Damaged)?;
     if (magic, schema) != (MAGIC, SCHEMA) {
         return Err(SpoolError::Damaged);
     }
-    let mut records = Vec::with_capacity(rest.len() / size_of::<TickRecord>());
-    while !rest.is_empty() {
-        let (record, after) =
-            TickRecord::read_from_prefix(rest).map_err(|_| SpoolError::Damaged)?;
-        records.push(record);
-        rest = after;
-    }
+    let (header, records) = EpisodeHeader::read(rest).ok_or(SpoolError::Damaged)?;
     header.validate(&records)?;
     Ok((header, records))
 }
@@ -299,7 +284,7 @@ mod tests {
             let header = EpisodeHeader { session, rollout, ..header };
             let path = dir.join(format!("{session:016x}-{rollout:08}.episode"));
             fs::write(path, encode(&header, &records)).unwrap();
-            name_of(&header)
+            header.name()
         };
         let names =
             [(1, 4), (1, 5), (1, 6), (2, 5)].map(|(session, rollout)| put(session, rollout));

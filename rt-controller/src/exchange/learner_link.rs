@@ -30,13 +30,7 @@ impl LearnerLink {
             seen: None,
             mute: None,
             reported: PolicyName::NONE,
-            acknowledged: Ack {
-                schema: SCHEMA,
-                session: 0,
-                durable_rollout: 0,
-                rollout: 0,
-                success: 0,
-            },
+            acknowledged: Ack::NONE,
             has_news: false,
             proposal: None,
         }

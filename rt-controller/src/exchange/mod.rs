@@ -228,7 +228,7 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
         let pinned = u64::from(self.serving.is_pinned());
         let latched = self.setup.latch.fault().unwrap_or(Fault::None) as u64;
         let beat =
-            Heartbeat { schema: SCHEMA, boot_id, counter, pinned, latched, leaving: 0, waits: 0 };
+            Heartbeat { schema: SCHEMA, boot_id, counter, pinned, latched, ..Heartbeat::NONE };
         let _ = self.ports.beat.send_copy(beat);
         self.report.flush(&self.ports);
         self.ports.meet_newcomers();
