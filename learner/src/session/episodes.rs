@@ -265,7 +265,7 @@ impl Session<'_> {
             return Err(error);
         }
         let link = &mut self.links[k];
-        (link.is_retired, link.asked) = (true, None);
+        (link.is_retired, link.asked, link.set_aside_in_a_row) = (true, None, 0);
         (self.on_event)(Event::Retired { cell: link.name(), reason: error.to_string() });
         Ok(())
     }
