@@ -38,7 +38,7 @@ pub fn run_seed(seed: u64) -> Result<Vec<Sample>> {
             let config = SearchConfig { method, ..SearchConfig::default() };
             (name, build(&config, seed, task.space()))
         });
-        let others = CONTENDERS.map(|(name, contender)| {
+        let others = CONTENDERS.iter().map(|&(name, contender)| {
             let chosen = setting(name, task);
             (name, contender::search(contender, chosen, TEN_WIDE, seed, task.space()))
         });

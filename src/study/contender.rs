@@ -13,9 +13,11 @@ use search::power::{Elites, PowerConfig, Scatter, Weights};
 use search::random::RandomConfig;
 use search::reinforce::ReinforceConfig;
 use search::rwr::RwrConfig;
+#[cfg(feature = "baselines")]
 use search::subspace::Subspace;
 use search::{Method, Search, SearchConfig, Space, build};
 
+#[cfg(feature = "baselines")]
 use super::cmaes::{Cma, CmaConfig};
 
 /// Settings drawn for each method.
@@ -29,6 +31,7 @@ pub struct Ranges {
     pub floor_std: [f64; 2],
     /// Standard deviations of random search, which never narrows.
     pub random_std: [f64; 2],
+    #[cfg_attr(not(feature = "baselines"), expect(dead_code, reason = "only CMA-ES restarts"))]
     pub restart_std: [f64; 2],
     /// Trials a batch, and trials before the first update of PoWER.
     pub batch: [usize; 2],
@@ -51,12 +54,15 @@ const DRAW_SEED: u64 = 2013;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Contender {
     Search(Method),
+    #[cfg(feature = "baselines")]
     Cma,
+    #[cfg(feature = "baselines")]
     CmaRestarts,
 }
 
-/// The methods that are tuned, with their names.
-pub const CONTENDERS: [(&str, Contender); 9] = [
+/// The methods that are tuned, with their names. CMA-ES comes from a crate with linear algebra of its own, which only
+/// builds with the feature `baselines` carry.
+pub const CONTENDERS: &[(&str, Contender)] = &[
     ("random", Contender::Search(Method::Random)),
     ("PoWER", Contender::Search(Method::Power)),
     ("CEM", Contender::Search(Method::Cem)),
@@ -64,7 +70,9 @@ pub const CONTENDERS: [(&str, Contender); 9] = [
     ("RWR", Contender::Search(Method::Rwr)),
     ("REINFORCE", Contender::Search(Method::Reinforce)),
     ("eNAC", Contender::Search(Method::Enac)),
+    #[cfg(feature = "baselines")]
     ("CMA-ES", Contender::Cma),
+    #[cfg(feature = "baselines")]
     ("CMA-ES restarts", Contender::CmaRestarts),
 ];
 
@@ -79,6 +87,7 @@ pub fn search(
     let mut draw = Draw::new(setting, ranges);
     match contender {
         Contender::Search(method) => build(&draw.search(method), seed, space),
+        #[cfg(feature = "baselines")]
         Contender::Cma | Contender::CmaRestarts => {
             let config = draw.cma(contender == Contender::CmaRestarts);
             let cma = |space| -> Box<dyn Search> { Box::new(Cma::new(config, seed, space)) };
@@ -175,6 +184,7 @@ impl Draw {
         config
     }
 
+    #[cfg(feature = "baselines")]
     fn cma(&mut self, restarts: bool) -> CmaConfig {
         let Ranges { initial_std, restart_std, .. } = self.ranges;
         CmaConfig {
@@ -195,7 +205,7 @@ mod tests {
     #[test]
     fn all_drawn_settings_are_within_their_ranges_and_build() {
         let space = Space::white(DVector::from_vec(vec![8.0, 2.0]));
-        for (name, contender) in CONTENDERS {
+        for (name, contender) in CONTENDERS.iter().copied() {
             for setting in 0..N_SETTINGS {
                 if let Contender::Search(method) = contender {
                     let config = Draw::new(setting, TEN_WIDE).search(method);

@@ -3,6 +3,7 @@
 mod aim;
 mod arms;
 mod circumstances;
+#[cfg(feature = "baselines")]
 mod cmaes;
 mod comparison;
 mod compliance;

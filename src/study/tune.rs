@@ -11,7 +11,7 @@ use super::world::{TASKS, Task};
 
 pub fn run_seed(seed: u64) -> Result<Vec<Sample>> {
     let mut samples = Vec::new();
-    for (name, contender) in CONTENDERS {
+    for (name, contender) in CONTENDERS.iter().copied() {
         for setting in 0..N_SETTINGS {
             for task in TASKS {
                 let mut search =
