@@ -17,10 +17,11 @@ use rand::RngExt;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rt_controller::remote::expected::{Expected, External};
-use rt_controller::{ControllerConfig, Pace, RunSummary, run_external};
+use rt_controller::{ControllerConfig, Pace, RunSummary, Station, run_external};
 use shm_types::cell::Cell;
 use shm_types::command::{COMMAND_REARM, COMMAND_STOP, Command, PLANT_THERE, Status};
 use shm_types::episode::FAULT_MEASUREMENT_STALE;
+use shm_types::equipment::Equipment;
 use shm_types::plant::line::Line;
 use shm_types::plant::shared::follow;
 use shm_types::plant::socket::{Buffer, Connection, Message};
@@ -69,7 +70,8 @@ fn with_controller<T>(
             let expected = Expected::of(&model, config.period_ns(), pace != Pace::Plant);
             let external = External { socket: socket.clone(), cell: Some(cell.clone()), expected };
             let arm = (&model, WAM7_START_POSTURE, referee());
-            run_external(&cell, &config, pace, arm, external, None, &stop).unwrap()
+            let station = Station { cell: &cell, state: None, equipment: Equipment::UNKNOWN };
+            run_external(station, &config, pace, arm, external, &stop).unwrap()
         });
         let _stopping = Stopping(&stop);
         let tool = ToolPorts::open(&cell, SOON).unwrap();
