@@ -33,7 +33,11 @@ impl PlantName {
     }
 
     pub fn set(&self, hello: &PlantHello) {
-        let name = format!("{} (plant protocol {})", hello.name(), hello.version);
+        let name = match hello.name() {
+            name if name.is_empty() => "unnamed".to_string(),
+            name => name,
+        };
+        let name = format!("{name} (plant protocol {})", hello.version);
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = text::pack(&name);
     }
 

@@ -97,7 +97,8 @@ impl<'a> Driver<'a> {
     fn connect(model: &'a ArmModel, socket: &Path, flags: u64) -> Driver<'a> {
         let link = Connection::connect(socket, SOON).unwrap();
         let q = WAM7_START_POSTURE.into();
-        link.send(&PlantHello { n_joints: 7, period_ns: 1_000_000, flags, q, ..PlantHello::EMPTY })
+        let (name, period_ns) = (shm_types::text::pack("driver"), 1_000_000);
+        link.send(&PlantHello { name, n_joints: 7, period_ns, flags, q, ..PlantHello::EMPTY })
             .unwrap();
         let mut buffer = Buffer::new();
         let said = match link.receive(&mut buffer, SOON).unwrap() {
@@ -395,7 +396,9 @@ fn the_next_plant_is_let_in_however_fast_it_comes() {
                 let mut driver = Driver::connect(model, socket, flags);
                 let state = driver.next();
                 assert!(driver.send(&state));
-                until(tool, "the plant in the loop", |status| status.plant == PLANT_THERE);
+                let status =
+                    until(tool, "the plant in the loop", |status| status.plant == PLANT_THERE);
+                assert_eq!(status.equipment.plant_name(), "driver (plant protocol 1)");
                 if round > 0 {
                     until(tool, "a latch, though the next plant is there", stale);
                 }
