@@ -5,7 +5,7 @@
 //! | two learners for one cell, one cell named twice | `cells.rs` |
 //! | two controllers for one cell | `services.rs` |
 //! | two bridges of one name, another world over a bridge, an episode of another session | `bridge/tests/turns.rs` |
-//! | a clock an hour off, a bridge that reconnects to a session that ended | `bridge/tests/bad_input.rs` |
+//! | a clock an hour off, a bridge that reconnects to a session that ended | `bridge/tests/mishaps.rs` |
 //! | a full disk under a session or a spool, of one cell | `disk.rs` |
 //! | the same of several, another task or arm, another plant, a session that ended | here |
 
