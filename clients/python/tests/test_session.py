@@ -210,7 +210,7 @@ class Resuming(Case):
         self.assertEqual([trial.rollout for trial in again.told], told)
         self.assertEqual(again.pending[0].theta.tolist(), search.pending[0].theta.tolist())
         self.assertEqual(again.mean.tolist(), search.mean.tolist())
-        connection.execute("UPDATE asked SET after = after + 1 WHERE rollout = 9")
+        connection.execute("UPDATE asked SET after = after + 9 WHERE rollout = 25")
         with self.assertRaisesRegex(skillet.SessionError, "comes out otherwise"):
             skillet.Session(self.folder / "s7").search()
 
