@@ -8,9 +8,13 @@ use learner::encoding::FitError;
 use nalgebra::Vector3;
 use physics::arm::urdf::{self, LoadedArm};
 use physics::arm::{ArmModel, JointVector, inverse_kinematics, kinematics};
+use physics::rapier::engine;
 use rt_controller::admit::admission::records_needed;
 use rustix::process::Signal;
+use sha2::{Digest, Sha256};
 use shm_types::episode::MAX_RECORDS;
+use shm_types::equipment::Equipment;
+use shm_types::text;
 
 use crate::config::Config;
 use crate::holding;
@@ -89,6 +93,24 @@ pub fn arm_text(config: &Config) -> Result<String> {
         Some(path) => Ok(urdf::read_file(path)?),
         None => Ok(config.task()?.arm()?.urdf.to_string()),
     }
+}
+
+/// What a controller of this configuration drives, and what the cells of such a session must drive. A plant in another
+/// process tells its own name when it comes.
+pub fn equipment(config: &Config) -> Result<Equipment> {
+    let plant = match config.has_arm() {
+        true if config.plant.is_external() => String::new(),
+        true => format!("built-in ({})", engine()),
+        false => "built-in".to_string(),
+    };
+    let (task, plant) = (text::pack(&config.task.name), text::pack(&plant));
+    let equipment = Equipment { task, plant, ..Equipment::UNKNOWN };
+    if !config.has_arm() {
+        return Ok(equipment);
+    }
+    let urdf = arm_text(config)?;
+    let arm = text::pack(&urdf::robot_name(&urdf).unwrap_or_default());
+    Ok(Equipment { arm, urdf_sha256: Sha256::digest(&urdf).into(), ..equipment })
 }
 
 pub fn text_of(given: Option<&Path>, built_in: &str) -> Result<String> {

@@ -3,8 +3,10 @@
 mod util;
 
 use std::collections::BTreeSet;
+use std::time::Duration;
 
 use learner::store::TrialRecord;
+use serde_json::Value;
 use util::{Bench, Running, kill, stderr};
 
 const LEARNER: [&str; 9] =
@@ -57,6 +59,32 @@ fn cells_come_go_and_die_while_the_learner_learns() {
     assert!(trials.iter().any(|trial| trial.asked_after + 1 < trial.told), "in flight together");
     // The session can be resumed: all of it is reproduced.
     bench.ok(&LEARNER);
+}
+
+/// What a cell has executed while there was no learner, it hands in itself: nothing is executed twice.
+#[test]
+fn a_learner_that_comes_back_asks_each_cell_for_what_it_was_given() {
+    let bench = Bench::new();
+    let config = bench.write("c.toml", "[learner]\nrollouts = 120\nseed = 3\n");
+    let learner = ["learner", "--cell", "a", "--cell", "b", "--session", "s", "--config"];
+    let learner = [&learner[..], &[config.to_str().unwrap()]].concat();
+    let _controllers = [controller(&bench, "a"), controller(&bench, "b")];
+    for n in 1..8 {
+        let running = bench.start(&learner);
+        bench.wait_for_trials("s", 12 * n);
+        kill(running.pid(), "KILL");
+        running.wait();
+        // Long enough to execute what they were asked for.
+        std::thread::sleep(Duration::from_millis(600));
+    }
+    bench.ok(&learner);
+    expect_whole(&bench, "s", 120);
+    let done = |cell| {
+        let status = bench.run(&["status", "--cell", cell, "--json"]).stdout;
+        let status: Value = serde_json::from_slice(&status).unwrap();
+        status["rollouts_done"].as_u64().unwrap()
+    };
+    assert_eq!(done("a") + done("b"), 120, "each once");
 }
 
 /// Its rollout is given to the other one, under its number, when its time is up.

@@ -10,9 +10,10 @@ use physics::pancake::{PancakeConfig, PancakePlant, WAM7_START_POSTURE};
 use physics::plant::{Measurement, Plant};
 use physics::referee::{Referee, Toss, TossConfig};
 use rt_controller::run::Controlled;
-use rt_controller::{ControllerConfig, Pace};
+use rt_controller::{ControllerConfig, Pace, Station};
 use serde_json::Value;
 use shm_types::cell::Cell;
+use shm_types::equipment::Equipment;
 use util::{Bench, bits, eventually};
 
 /// A pancake world whose samples stop when it is told.
@@ -77,7 +78,9 @@ fn run(bench: &Bench, is_cut: &AtomicBool, stop: &AtomicBool) {
     let q0 = WAM7_START_POSTURE;
     let controlled = Controlled { model: &model, plant: &mut plant, q0, referee };
     let (config, state) = (ControllerConfig::default(), bench.path("state/c1"));
-    rt_controller::run(&cell, &config, Pace::Max, controlled, Some(&state), stop).unwrap();
+    let equipment = Equipment::UNKNOWN;
+    let station = Station { cell: &cell, state: Some(&state), equipment };
+    rt_controller::run(station, &config, Pace::Max, controlled, stop).unwrap();
 }
 
 fn status(bench: &Bench) -> Value {

@@ -75,6 +75,9 @@ impl Answer {
         if !is_ours(head.ack.schema) || !is_ours(head.learner.schema) {
             return Err(MessageError::Schema { found: head.ack.schema.max(head.learner.schema) });
         }
+        if !head.learner.equipment.is_valid() {
+            return Err(MessageError::Text);
+        }
         let policy = match head.has_policy {
             0 if rest.is_empty() => None,
             1 => {

@@ -100,7 +100,7 @@ impl Desk {
             }
         }
         while let Ok(Some(beat)) = ports.learner_beat.receive() {
-            if beat.schema == SCHEMA && *beat != self.learner {
+            if beat.is_valid() && *beat != self.learner {
                 (self.learner, self.learner_heard) = (*beat, Some(Instant::now()));
             }
         }

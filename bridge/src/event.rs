@@ -27,6 +27,8 @@ pub enum Event {
     Durable { session: u64, rollout: u64 },
     /// The learner works on another session. The episode stays in the spool.
     Foreign { session: u64, rollout: u64, asks: u64 },
+    /// The learner's machine answers, but no learner works in this cell there; or one does again.
+    Learner { cell: String, is_there: bool },
     /// The cell has a controller, or another one.
     Controller { cell: String },
 }
@@ -41,6 +43,7 @@ impl Event {
                 | Event::Trouble { .. }
                 | Event::NoAnswer { .. }
                 | Event::Foreign { .. }
+                | Event::Learner { is_there: false, .. }
                 | Event::Serves { is_encrypted: false, .. }
         )
     }
@@ -83,6 +86,13 @@ impl fmt::Display for Event {
                 f,
                 "rollout {rollout} belongs to session {session:016x}, but the learner works on {asks:016x}: kept in \
                  the spool until a learner resumes its session"
+            ),
+            Event::Learner { cell, is_there: true } => {
+                write!(f, "cell {cell}: its learner is there")
+            }
+            Event::Learner { cell, is_there: false } => write!(
+                f,
+                "cell {cell}: no learner works in it, its session may have ended; what it has executed waits in its spool"
             ),
             Event::Controller { cell } => write!(f, "cell {cell}: its controller is there"),
         }

@@ -253,8 +253,13 @@ impl Join<'_> {
 
     /// The acknowledgement goes to the controller before what is asked next.
     fn take(&mut self, kind: Kind, answer: Answer) {
-        let had_learner = self.learner.is_some_and(|(head, _)| head.learner_is_there == 1);
-        if had_learner && answer.head.learner.leaving == 1 {
+        let had_learner = self.learner.map(|(head, _)| head.learner_is_there == 1);
+        let is_there = answer.head.learner_is_there == 1;
+        if had_learner != Some(is_there) {
+            let cell = self.reach.config.cell.name().to_string();
+            (self.reach.on_event)(Event::Learner { cell, is_there });
+        }
+        if had_learner == Some(true) && answer.head.learner.leaving == 1 {
             // It takes its leave once, so that nobody waits for it.
             self.seat.beat(&answer.head.learner);
         }

@@ -83,7 +83,7 @@ impl Seat {
     pub fn listen(&mut self) {
         let Some(ports) = &self.ports else { return };
         while let Ok(Some(beat)) = ports.controller_beat.receive() {
-            if beat.schema == SCHEMA && *beat != self.controller {
+            if beat.is_valid() && *beat != self.controller {
                 (self.controller, self.heard) = (*beat, Some(Instant::now()));
             }
         }

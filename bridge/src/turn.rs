@@ -10,6 +10,7 @@
 use shm_types::SCHEMA;
 use shm_types::command::Status;
 use shm_types::episode::{EpisodeError, EpisodeHeader, MAX_RECORDS, TickRecord};
+use shm_types::equipment::Equipment;
 use shm_types::telemetry::Heartbeat;
 use shm_types::text;
 use thiserror::Error;
@@ -180,7 +181,11 @@ impl Turn {
         let (head, rest) =
             TurnHead::read_from_prefix(rest).map_err(|_| MessageError::Length { len })?;
         let names = [&head.host, &head.cell, &head.certificate];
-        if !names.into_iter().all(text::is_valid) || !text::is_valid(&head.world) {
+        let equipment = [&head.controller.equipment, &head.status.equipment];
+        if !names.into_iter().all(text::is_valid)
+            || !text::is_valid(&head.world)
+            || !equipment.into_iter().all(Equipment::is_valid)
+        {
             return Err(MessageError::Text);
         }
         match head.has_episode {
@@ -268,6 +273,9 @@ mod tests {
         let mut nameless = head();
         nameless.host[9] = 0xff;
         assert_eq!(Turn::decode(&nameless.encode(None)), Err(MessageError::Text));
+        let mut armless = head();
+        armless.controller.equipment.arm[0] = 0xff;
+        assert_eq!(Turn::decode(&armless.encode(None)), Err(MessageError::Text));
     }
 
     #[test]

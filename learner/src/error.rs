@@ -72,6 +72,8 @@ pub enum CompleteError {
     Swapped { rollout: u64 },
     #[error("rollout {rollout} was cut short by a hardware fault")]
     MachineFault { rollout: u64 },
+    #[error("rollout {rollout} was executed by {found} instead of {wanted}")]
+    OtherWorld { rollout: u64, found: String, wanted: String },
     /// Hand the same episode in again: its judge takes its time.
     #[error("rollout {rollout} is being judged")]
     BeingJudged { rollout: u64 },

@@ -26,6 +26,7 @@ use std::path::Path;
 use shm_types::episode::{
     EpisodeHeader, FAULT_POLICY_REFUSED, FAULT_SWAPPED, MACHINE_FAULTS, TickRecord,
 };
+use shm_types::equipment::Equipment;
 use shm_types::policy::PolicyMsg;
 use shm_types::text;
 
@@ -41,7 +42,7 @@ use crate::parameters::PolicyIds;
 use crate::path::{PathRow, decimate};
 use crate::problem::Problem;
 use crate::replay::{self, Replayed, Told, replay, told_anew};
-use crate::store::{Event, SessionMeta, Step, Store, TrialRecord};
+use crate::store::{CellRecord, Event, SessionMeta, Step, Store, TrialRecord};
 use crate::summary::{Summary, TrialReport};
 use crate::wish::{Telling, Wish};
 pub use diary::judged_by;
@@ -68,6 +69,8 @@ pub struct Learner {
     trials: Vec<TrialRecord>,
     /// What was proposed, durably, and has no trial yet, by rollout.
     in_flight: BTreeMap<u64, Flight>,
+    /// What the cells drive, in the order of the trials from which on they do.
+    cells: Vec<CellRecord>,
 }
 
 impl Learner {
@@ -102,7 +105,7 @@ impl Learner {
         let (search, telling) = told_anew(&config, &problem, history.telling(1), &[])?;
         let (trials, in_flight) = (Vec::new(), Vec::new());
         let replayed = Replayed { problem, search, telling, history, trials, in_flight };
-        let mut learner = Learner::of(directory, config, store, judge, replayed);
+        let mut learner = Learner::of(directory, config, store, judge, replayed)?;
         learner.follow_wish()?;
         learner.follow_judge()?;
         Ok(learner)
@@ -141,7 +144,7 @@ impl Learner {
         }
         let replayed = Replayed::of(&store, demonstrations, judge.predictor(), on_told)?;
         let asked = replayed.in_flight.clone();
-        let mut learner = Learner::of(directory, config.clone(), store, judge, replayed);
+        let mut learner = Learner::of(directory, config.clone(), store, judge, replayed)?;
         for asked in asked {
             learner.take_up(asked)?;
         }
@@ -161,10 +164,21 @@ impl Learner {
         store: Store,
         judge: Judge,
         replayed: Replayed,
-    ) -> Learner {
+    ) -> Result<Learner, LearnerError> {
         let Replayed { problem, search, telling, history, trials, .. } = replayed;
-        let (mail, in_flight) = (Mail::of(directory), BTreeMap::new());
-        Learner { config, problem, search, telling, history, judge, store, mail, trials, in_flight }
+        Ok(Learner {
+            config,
+            problem,
+            search,
+            telling,
+            history,
+            judge,
+            cells: store.cells()?,
+            store,
+            mail: Mail::of(directory),
+            trials,
+            in_flight: BTreeMap::new(),
+        })
     }
 
     /// The wish of the configuration is another one than that of the session so far.
@@ -232,7 +246,7 @@ impl Learner {
             ..self.unjudged(flight, cell)
         });
         self.tell(&trial)?;
-        self.record(trial, &decimate(records), None)
+        self.record(trial, Some(&header.equipment), &decimate(records), None)
     }
 
     /// A trial as what it counts for now.
@@ -262,6 +276,7 @@ impl Learner {
     fn record(
         &mut self,
         trial: TrialRecord,
+        equipment: Option<&Equipment>,
         path: &[PathRow],
         note: Option<&Event>,
     ) -> Result<TrialReport, CompleteError> {
@@ -273,14 +288,18 @@ impl Learner {
             set_aside: trial.set_aside,
             measures: trial.measures,
         };
+        let news = equipment.and_then(|equipment| self.news_of_cell(&trial, equipment));
         let landed = self.in_flight.remove(&trial.rollout);
+        let cell = trial.cell.clone();
         // The search is not told of every trial.
         self.search.withdraw(trial.rollout);
         self.trials.push(trial);
         let search = self.search.snapshot(self.next_rollout());
-        let next = self.may_ask().then(|| self.propose());
+        // Its cell is free now.
+        let next = self.may_ask().then(|| self.propose(&cell));
         let step = Step {
             trial: &self.trials[self.trials.len() - 1],
+            cell: news.as_ref(),
             path,
             search: &search,
             durable_rollout: self.durable_rollout(),
@@ -294,6 +313,7 @@ impl Learner {
             return Err(CompleteError::Learner(error.into()));
         }
         self.in_flight.extend(next.map(|flight| (flight.policy.rollout, flight)));
+        self.cells.extend(news);
         Ok(report)
     }
 

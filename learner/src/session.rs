@@ -10,7 +10,9 @@
 //! the other one is acknowledged and dropped.
 
 mod episodes;
+mod equipment;
 mod event;
+mod hand_out;
 mod link;
 mod news;
 mod people;
@@ -19,19 +21,24 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use shm_types::cell::Cell;
-use shm_types::policy::PolicyMsg;
+use shm_types::equipment::Equipment;
 use shm_types::ports::wait_for_episode;
 use shm_types::service_manager::{Notice, notify};
 use shm_types::telemetry::{ASKS_DEMONSTRATION, WAITS_DISK, WAITS_NOT};
 
 use crate::error::LearnerError;
 use crate::learner::Learner;
+use equipment::Plants;
 pub use event::{End, Event, SessionError};
+use hand_out::Held;
 use link::{Link, Seen};
 use news::News;
 
 /// Longest wait for an episode before the loop looks around.
 const WAIT: Duration = Duration::from_millis(50);
+/// Between two looks for controllers that are to hear that the session is over, and how long to look for them.
+const LOOK: Duration = Duration::from_millis(5);
+const PARTING: Duration = Duration::from_millis(500);
 /// What the disk refused is tried again after this long.
 const RETRY: Duration = Duration::from_secs(1);
 const WATCHDOG: Duration = Duration::from_secs(1);
@@ -49,20 +56,31 @@ const LONG: Duration = Duration::from_secs(1);
 /// A rollout that takes longer, Approach included, is asked for again, of another cell if there is one.
 const ROLLOUT: Duration = Duration::from_secs(30);
 
-/// Runs the session in these cells, each with what the session calls it, until it is done or stopped. When
-/// the disk refuses something, it waits if it `is_patient`, as a service is; else that is its end.
+/// Where a session learns.
+pub struct Cells {
+    /// Each with what the session calls it.
+    pub named: Vec<(String, Cell)>,
+    /// The task and the arm they must drive.
+    pub wanted: Equipment,
+}
+
+/// Runs the session in these cells until it is done or stopped. When the disk refuses something, it waits if it
+/// `is_patient`, as a service is; else that is its end.
 ///
 /// # Errors
 /// [`SessionError`]; everything before it is stored.
 pub fn run(
-    cells: Vec<(String, Cell)>,
+    cells: Cells,
     learner: &mut Learner,
     is_patient: bool,
     stop: &AtomicBool,
     on_event: &mut dyn FnMut(Event<'_>),
 ) -> Result<End, SessionError> {
-    let links =
-        cells.into_iter().map(|(name, cell)| Link::new(name, cell, learner.trials())).collect();
+    let Cells { named, wanted } = cells;
+    let links: Vec<Link> =
+        named.into_iter().map(|(name, cell)| Link::new(name, cell, learner.trials())).collect();
+    let held = Held::of(learner, &links);
+    let plants = Plants::of(learner.cells());
     let mut session = Session {
         links,
         learner,
@@ -75,6 +93,9 @@ pub fn run(
         awaited: None,
         news: News::default(),
         odd: Vec::new(),
+        held,
+        wanted,
+        plants,
     };
     let end = session.learn()?;
     session.links.iter_mut().for_each(|link| link.beat(WAITS_NOT, true));
@@ -98,6 +119,10 @@ struct Session<'a> {
     news: News,
     /// Cells that were said to differ from the others.
     odd: Vec<String>,
+    /// Rollouts that an earlier run gave to a cell which may have executed them.
+    held: Held,
+    wanted: Equipment,
+    plants: Plants,
 }
 
 impl Session<'_> {
@@ -106,8 +131,7 @@ impl Session<'_> {
         loop {
             let Some(may_ask) = self.hear_people()? else { return Ok(End::Stopped) };
             if self.learner.is_done() && may_ask {
-                // The last acknowledgements of an earlier run may have been lost with its process.
-                self.acknowledge_all();
+                self.part()?;
                 return Ok(End::Done);
             }
             if self.hand_out(may_ask)?.is_none() {
@@ -124,46 +148,16 @@ impl Session<'_> {
         }
     }
 
-    /// Asks every cell that is free for a rollout; `None` when stopped.
-    fn hand_out(&mut self, may_ask: bool) -> Result<Option<()>, SessionError> {
-        for k in 0..self.links.len() {
-            if !self.is_free(k) {
-                continue;
-            }
-            let policy = match self.left_over(may_ask) {
-                Some(policy) => policy,
-                None if may_ask => match self.stored(Learner::another_policy)? {
-                    Some(Some(policy)) => policy,
-                    Some(None) => break, // all of them are asked for
-                    None => return Ok(None),
-                },
-                None => break,
-            };
-            self.links[k].ask(policy)?;
+    /// The last acknowledgements of an earlier run may have been lost with its process: controllers that are there get
+    /// them now.
+    fn part(&mut self) -> Result<(), SessionError> {
+        let begun = Instant::now();
+        while self.links.iter().any(|link| !link.is_met()) && begun.elapsed() < PARTING {
+            self.look_around()?;
+            std::thread::sleep(LOOK);
         }
-        Ok(Some(()))
-    }
-
-    /// A rollout in flight that no cell was asked for: proposed with the trial before it, left by a cell, or by an
-    /// earlier run. Before people are heard only what must come back first.
-    fn left_over(&self, may_ask: bool) -> Option<PolicyMsg> {
-        let trials = self.learner.trials();
-        let is_awaited = |rollout| trials.iter().any(|trial| trial.rollout > rollout);
-        let is_asked = |rollout| self.links.iter().any(|link| link.has(rollout));
-        let mut left = self.learner.in_flight().filter(|policy| !is_asked(policy.rollout));
-        left.find(|policy| may_ask || is_awaited(policy.rollout)).copied()
-    }
-
-    /// Cell `k` can be asked for a rollout. The only one waits for its turn; among several, those are asked that
-    /// can execute it at once.
-    fn is_free(&self, k: usize) -> bool {
-        let link = &self.links[k];
-        let is_alone = self.links.len() == 1;
-        let has_rested = link.rests_until.is_none_or(|until| Instant::now() >= until);
-        link.asked.is_none()
-            && link.ports.is_some()
-            && !link.is_retired
-            && (is_alone || (link.is_able() && has_rested))
+        self.acknowledge_all();
+        Ok(())
     }
 
     /// Beats, listens to the controllers, and asks again where it must be.
@@ -179,6 +173,7 @@ impl Session<'_> {
         };
         for k in 0..self.links.len() {
             let seen = self.links[k].look(waits, &mut *self.on_event)?;
+            self.look_at_equipment(k);
             if seen == Seen::NewController {
                 self.acknowledge(k);
                 if let Some(ports) = &self.links[k].ports {

@@ -8,13 +8,14 @@ use common::{episode, meta, value_judge};
 use learner::learner::SESSION_FILE;
 use learner::mail::{Mail, Says};
 use learner::people::PeopleConfig;
-use learner::store::{Store, TrialRecord};
+use learner::store::{CellRecord, Store, TrialRecord, equipment_of};
 use learner::{CompleteError, Learner, LearnerConfig};
 use rand::seq::IteratorRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha12Rng;
 use search::{Method, SearchConfig};
 use shm_types::policy::PolicyMsg;
+use shm_types::text;
 use tempfile::TempDir;
 
 const METHODS: [Method; 5] =
@@ -50,7 +51,7 @@ fn complete(learner: &mut Learner, cell: &str, policy: &PolicyMsg) {
 
 /// Asks for so many, in all, and has one of them come back, which one is a matter of chance.
 fn step(learner: &mut Learner, arms: usize, random: &mut ChaCha12Rng) {
-    while learner.in_flight().count() < arms && learner.another_policy().unwrap().is_some() {}
+    while learner.in_flight().count() < arms && learner.another_policy("").unwrap().is_some() {}
     let policy = *learner.in_flight().choose(random).expect("there is one");
     let cell = ["left", "right"][random.random_range(0..2)];
     match random.random_range(0..8) {
@@ -98,7 +99,7 @@ fn what_is_in_flight_is_not_acknowledged_and_what_is_told_is_not_taken_twice() {
     let directory = TempDir::new().unwrap();
     let mut learner = create(directory.path(), Method::Power);
     let asked: Vec<PolicyMsg> =
-        (0..3).map(|_| learner.another_policy().unwrap().unwrap()).collect();
+        (0..3).map(|_| learner.another_policy("").unwrap().unwrap()).collect();
     assert_eq!(asked.iter().map(|policy| policy.rollout).collect::<Vec<_>>(), [1, 2, 3]);
     complete(&mut learner, "right", &asked[2]);
     complete(&mut learner, "left", &asked[1]);
@@ -111,6 +112,57 @@ fn what_is_in_flight_is_not_acknowledged_and_what_is_told_is_not_taken_twice() {
     let told: Vec<_> =
         learner.trials().iter().map(|t| (t.rollout, t.asked_after, t.cell.as_str())).collect();
     assert_eq!(told, [(3, 0, "right"), (2, 0, "left"), (1, 0, "left")]);
+}
+
+/// A cell may have executed it meanwhile: it is asked first.
+#[test]
+fn a_learner_that_resumes_knows_which_cell_has_which_rollout() {
+    let directory = TempDir::new().unwrap();
+    let mut learner = create(directory.path(), Method::Power);
+    let asked: Vec<PolicyMsg> =
+        ["left", "right", "left"].map(|cell| learner.another_policy(cell).unwrap().unwrap()).into();
+    learner.give(3, "middle").unwrap();
+    complete(&mut learner, "right", &asked[1]);
+    let given = |learner: &Learner| {
+        let rollouts = learner.in_flight().map(|policy| policy.rollout);
+        let of = |rollout| (rollout, learner.given_to(rollout).unwrap().to_string());
+        rollouts.map(of).collect::<Vec<_>>()
+    };
+    let expected =
+        [(1, "left"), (3, "middle"), (4, "right")].map(|(n, cell)| (n, cell.to_string()));
+    assert_eq!(given(&learner), expected, "the next one is for the cell that is free");
+    drop(learner);
+    assert_eq!(given(&resume(directory.path(), Method::Power)), expected);
+}
+
+/// A trial keeps what executed it, and only what is new is stored.
+#[test]
+fn cells_keep_their_arm_and_plant_and_from_when_on() {
+    let directory = TempDir::new().unwrap();
+    let mut learner = create(directory.path(), Method::Power);
+    for (cell, plant) in
+        [("left", "a"), ("right", "b"), ("left", "a"), ("left", "c"), ("right", ""), ("left", "c")]
+    {
+        let policy = learner.next_policy().unwrap();
+        let (mut header, records) = episode(&policy, 0.5);
+        header.equipment.plant = text::pack(plant);
+        learner.complete(cell, &header, &records).unwrap();
+    }
+    let known = |cells: &[CellRecord]| -> Vec<(String, u64, String)> {
+        cells.iter().map(|row| (row.cell.clone(), row.since, row.plant.clone())).collect()
+    };
+    let expected = [("left", 1, "a"), ("right", 2, "b"), ("left", 4, "c")]
+        .map(|(cell, since, plant)| (cell.to_string(), since, plant.to_string()));
+    assert_eq!(known(learner.cells()), expected, "one that tells nothing changes nothing");
+    drop(learner);
+    let again = resume(directory.path(), Method::Power);
+    assert_eq!(known(again.cells()), expected);
+    let plant = |told| equipment_of(again.cells(), "left", told).map(|row| row.plant.as_str());
+    assert_eq!(
+        [plant(1), plant(3), plant(4), plant(9)],
+        [Some("a"), Some("a"), Some("c"), Some("c")]
+    );
+    assert_eq!(equipment_of(again.cells(), "right", 1), None);
 }
 
 /// Letters are taken when nothing is executed; the session that they lead to is the same again.
@@ -133,7 +185,7 @@ fn ratings_that_come_while_rollouts_are_in_flight_are_told_again() {
         assert_eq!(learner.take_mail().unwrap().len(), 1);
         assert!(!learner.has_news() && learner.in_flight().count() == 0);
     }
-    let next = learner.another_policy().unwrap().unwrap();
+    let next = learner.another_policy("").unwrap().unwrap();
     let trials = bits(learner.trials());
     drop(learner);
     let again = resume(directory.path(), method);

@@ -43,6 +43,6 @@ pub use exchange::boot_id;
 #[cfg(feature = "loop")]
 pub use executor::action::run_action;
 #[cfg(feature = "loop")]
-pub use run::{run, run_external};
+pub use run::{Station, run, run_external};
 #[cfg(feature = "loop")]
 pub use summary::{RunError, RunSummary};

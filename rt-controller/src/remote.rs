@@ -8,17 +8,43 @@ pub(crate) mod door;
 pub mod expected;
 pub mod plant;
 
-use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use rtrb::{Consumer, Producer, RingBuffer};
+use shm_types::equipment::EQUIPMENT_PLANT_LEN;
 use shm_types::plant::line::Line;
 use shm_types::plant::socket::LinkError;
-use shm_types::plant::{PlantCommand, PlantState};
+use shm_types::plant::{PlantCommand, PlantHello, PlantState};
+use shm_types::text;
 use thiserror::Error;
 
 /// The controller's end of a line to a plant.
 pub(crate) type ControllerLine = Line<PlantCommand, PlantState>;
+
+/// What the plant that came last calls itself, with the version of its protocol; empty before the first. The door writes
+/// it, the exchange reads it.
+#[derive(Clone)]
+pub(crate) struct PlantName(Arc<Mutex<[u8; EQUIPMENT_PLANT_LEN]>>);
+
+impl PlantName {
+    pub fn none() -> PlantName {
+        PlantName(Arc::new(Mutex::new([0; EQUIPMENT_PLANT_LEN])))
+    }
+
+    pub fn set(&self, hello: &PlantHello) {
+        let name = match hello.name() {
+            name if name.is_empty() => "unnamed".to_string(),
+            name => name,
+        };
+        let name = format!("{name} (plant protocol {})", hello.version);
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = text::pack(&name);
+    }
+
+    pub fn get(&self) -> [u8; EQUIPMENT_PLANT_LEN] {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
 
 /// A plant that was let in, with its first sample.
 pub(crate) struct Arrival {

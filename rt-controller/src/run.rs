@@ -9,6 +9,7 @@ use physics::plant::{Plant, Presence};
 use physics::referee::Referee;
 use shm_types::cell::{Cell, CellLock, Role};
 use shm_types::episode::TickRecord;
+use shm_types::equipment::Equipment;
 use shm_types::measures::Measures;
 use shm_types::policy::PolicyMsg;
 
@@ -24,6 +25,7 @@ use crate::executor::latch::Latch;
 use crate::hot::policy::Policy;
 use crate::hot::posture::PostureMove;
 use crate::hot::tick::Controller;
+use crate::remote::PlantName;
 use crate::remote::expected::External;
 use crate::remote::plant::RemotePlant;
 use crate::rt::{self, Clock};
@@ -44,32 +46,39 @@ pub struct Controlled<'a, P: Plant> {
     pub referee: Referee,
 }
 
+/// Where a controller serves, and what it tells of itself there.
+#[derive(Clone, Copy)]
+pub struct Station<'a> {
+    pub cell: &'a Cell,
+    /// Imported policies and what was served last live in this folder, or in memory only.
+    pub state: Option<&'a Path>,
+    pub equipment: Equipment,
+}
+
 /// Runs until `stop` is set, by a signal or by a stop command. Holds the cell's controller lock.
-/// Imported policies and what was served last live in the folder `state`, or in memory only.
 pub fn run<P: Plant>(
-    cell: &Cell,
+    station: Station<'_>,
     config: &ControllerConfig,
     pace: Pace,
     controlled: Controlled<P>,
-    state: Option<&Path>,
     stop: &AtomicBool,
 ) -> Result<RunSummary, RunError> {
-    Start::new(cell, config, pace, state)?.run(controlled, |_| Measures::NONE, stop)
+    Start::new(station, config, pace)?.run(controlled, |_| Measures::NONE, stop)
 }
 
 /// The same, of a plant that another process is. It may come, go and come again.
 pub fn run_external(
-    cell: &Cell,
+    station: Station<'_>,
     config: &ControllerConfig,
     pace: Pace,
     arm: (&ArmModel, JointVector, Referee),
     external: External,
-    state: Option<&Path>,
     stop: &AtomicBool,
 ) -> Result<RunSummary, RunError> {
-    let start = Start { is_plant_apart: true, ..Start::new(cell, config, pace, state)? };
+    let mut start = Start::new(station, config, pace)?;
     let (model, q0, referee) = arm;
     let mut plant = RemotePlant::open(external, &q0, start.boot_id)?;
+    start.plant_apart = Some(plant.name());
     let controlled = Controlled { model, plant: &mut plant, q0, referee };
     start.run(controlled, RemotePlant::take_outcome, stop)
 }
@@ -80,21 +89,23 @@ struct Start<'a> {
     config: &'a ControllerConfig,
     pace: Pace,
     state: Option<&'a Path>,
+    equipment: Equipment,
     boot_id: u64,
     /// The plant is another process.
-    is_plant_apart: bool,
+    plant_apart: Option<PlantName>,
 }
 
 impl<'a> Start<'a> {
     fn new(
-        cell: &Cell,
+        station: Station<'a>,
         config: &'a ControllerConfig,
         pace: Pace,
-        state: Option<&'a Path>,
     ) -> Result<Start<'a>, RunError> {
         config.validate()?;
+        let Station { cell, state, equipment } = station;
         let lock = cell.lock(Role::Controller)?;
-        Ok(Start { lock, config, pace, state, boot_id: boot_id(), is_plant_apart: false })
+        let boot_id = boot_id();
+        Ok(Start { lock, config, pace, state, equipment, boot_id, plant_apart: None })
     }
 
     fn run<P: Plant>(
@@ -103,7 +114,7 @@ impl<'a> Start<'a> {
         outcome: fn(&mut P) -> Measures,
         stop: &AtomicBool,
     ) -> Result<RunSummary, RunError> {
-        let Start { ref lock, config, pace, state, boot_id, is_plant_apart } = *self;
+        let Start { ref lock, config, pace, state, equipment, boot_id, .. } = *self;
         let Controlled { model, plant, q0, referee } = controlled;
         if pace == Pace::Realtime && plant.presence() == Presence::There {
             check_period(Controller::new(model, &q0, config, &referee), plant, config.period_us)?;
@@ -134,7 +145,8 @@ impl<'a> Start<'a> {
             period_ns: config.period_ns(),
             record_ns: config.period_ns() * config.record_stride() as u64,
             pace,
-            is_plant_apart,
+            equipment,
+            plant_apart: self.plant_apart.clone(),
             privileged: &privileged,
             latch: &latch,
             n_joints: model.n_joints(),

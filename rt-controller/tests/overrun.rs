@@ -11,9 +11,10 @@ use common::{message, referee, wam};
 use physics::pancake::WAM7_START_POSTURE;
 use rt_controller::fault::Fault;
 use rt_controller::run::Controlled;
-use rt_controller::{ControllerConfig, Pace, RunError};
+use rt_controller::{ControllerConfig, Pace, RunError, Station};
 use shm_types::cell::Cell;
 use shm_types::command::{COMMAND_PIN, Command, Status};
+use shm_types::equipment::Equipment;
 
 fn config() -> ControllerConfig {
     ControllerConfig { period_us: 2000, overruns_max: 5, ..Default::default() }
@@ -77,7 +78,8 @@ fn a_period_that_cannot_be_held_is_refused_with_one_that_can() {
     let (q0, referee) = (WAM7_START_POSTURE, referee());
     let controlled = Controlled { model: &model, plant, q0, referee };
     let stop = AtomicBool::new(false);
-    let refused = rt_controller::run(&cell, &config, Pace::Realtime, controlled, None, &stop);
+    let station = Station { cell: &cell, state: None, equipment: Equipment::UNKNOWN };
+    let refused = rt_controller::run(station, &config, Pace::Realtime, controlled, &stop);
     let refused = refused.unwrap_err();
     let RunError::Period { period_us, needed_us, enough_us } = refused else { panic!("{refused}") };
     assert_eq!(period_us, 2000);

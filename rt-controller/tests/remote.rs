@@ -17,10 +17,11 @@ use rand::RngExt;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rt_controller::remote::expected::{Expected, External};
-use rt_controller::{ControllerConfig, Pace, RunSummary, run_external};
+use rt_controller::{ControllerConfig, Pace, RunSummary, Station, run_external};
 use shm_types::cell::Cell;
 use shm_types::command::{COMMAND_REARM, COMMAND_STOP, Command, PLANT_THERE, Status};
 use shm_types::episode::FAULT_MEASUREMENT_STALE;
+use shm_types::equipment::Equipment;
 use shm_types::plant::line::Line;
 use shm_types::plant::shared::follow;
 use shm_types::plant::socket::{Buffer, Connection, Message};
@@ -69,7 +70,8 @@ fn with_controller<T>(
             let expected = Expected::of(&model, config.period_ns(), pace != Pace::Plant);
             let external = External { socket: socket.clone(), cell: Some(cell.clone()), expected };
             let arm = (&model, WAM7_START_POSTURE, referee());
-            run_external(&cell, &config, pace, arm, external, None, &stop).unwrap()
+            let station = Station { cell: &cell, state: None, equipment: Equipment::UNKNOWN };
+            run_external(station, &config, pace, arm, external, &stop).unwrap()
         });
         let _stopping = Stopping(&stop);
         let tool = ToolPorts::open(&cell, SOON).unwrap();
@@ -95,7 +97,8 @@ impl<'a> Driver<'a> {
     fn connect(model: &'a ArmModel, socket: &Path, flags: u64) -> Driver<'a> {
         let link = Connection::connect(socket, SOON).unwrap();
         let q = WAM7_START_POSTURE.into();
-        link.send(&PlantHello { n_joints: 7, period_ns: 1_000_000, flags, q, ..PlantHello::EMPTY })
+        let (name, period_ns) = (shm_types::text::pack("driver"), 1_000_000);
+        link.send(&PlantHello { name, n_joints: 7, period_ns, flags, q, ..PlantHello::EMPTY })
             .unwrap();
         let mut buffer = Buffer::new();
         let said = match link.receive(&mut buffer, SOON).unwrap() {
@@ -393,7 +396,9 @@ fn the_next_plant_is_let_in_however_fast_it_comes() {
                 let mut driver = Driver::connect(model, socket, flags);
                 let state = driver.next();
                 assert!(driver.send(&state));
-                until(tool, "the plant in the loop", |status| status.plant == PLANT_THERE);
+                let status =
+                    until(tool, "the plant in the loop", |status| status.plant == PLANT_THERE);
+                assert_eq!(status.equipment.plant_name(), "driver (plant protocol 1)");
                 if round > 0 {
                     until(tool, "a latch, though the next plant is there", stale);
                 }

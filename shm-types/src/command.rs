@@ -7,6 +7,7 @@
 use iceoryx2::prelude::ZeroCopySend;
 use thiserror::Error;
 
+use crate::equipment::Equipment;
 use crate::policy::{PolicyMsg, PolicyName};
 use crate::text::{self, NO_REASON, REASON_LEN};
 use crate::{MAX_JOINTS, SCHEMA};
@@ -71,7 +72,7 @@ pub const PLANT_ABSENT: u64 = 2;
 
 message! {
     /// State of the controller when it answered. Times in ns; percentiles since its start.
-    pub struct Status as "skillet/Status/6" {
+    pub struct Status as "skillet/Status/7" {
         pub boot_id: u64,
         pub tick: u64,
         pub phase: u64,
@@ -83,6 +84,7 @@ message! {
         pub latched_present: u64,
         /// `PLANT_BUILT_IN`, or whether the one in another process has come.
         pub plant: u64,
+        pub equipment: Equipment,
         /// Flight records in the state folder.
         pub fault_records: u64,
         pub period_ns: u64,
@@ -151,7 +153,7 @@ message! {
 
 message! {
     /// The answer to a command.
-    pub struct Reply as "skillet/Reply/3" {
+    pub struct Reply as "skillet/Reply/4" {
         pub schema: u64,
         pub id: u64,
         /// 1 when the command was understood and carried out.
@@ -246,6 +248,7 @@ impl Status {
         latched_ns: 0,
         latched_present: 0,
         plant: PLANT_BUILT_IN,
+        equipment: Equipment::UNKNOWN,
         fault_records: 0,
         period_ns: 0,
         pace: PACE_MAX,

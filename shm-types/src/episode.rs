@@ -5,6 +5,7 @@ use iceoryx2::prelude::ZeroCopySend;
 use thiserror::Error;
 use zerocopy::{FromBytes, IntoBytes};
 
+use crate::equipment::Equipment;
 use crate::measures::{Measures, MeasuresError};
 use crate::policy::PolicyName;
 use crate::text::{self, NO_REASON, REASON_LEN};
@@ -78,7 +79,7 @@ message! {
 
 message! {
     /// User header of an episode.
-    pub struct EpisodeHeader as "skillet/EpisodeHeader/4" {
+    pub struct EpisodeHeader as "skillet/EpisodeHeader/5" {
         pub schema: u64,
         /// Start of the controller that ran it; with `rollout` it names the episode.
         pub boot_id: u64,
@@ -101,6 +102,8 @@ message! {
         pub reason: [u8; REASON_LEN],
         /// What only the plant could measure; the rest follows from the records.
         pub measures: Measures,
+        /// What executed it.
+        pub equipment: Equipment,
     }
 }
 
@@ -136,6 +139,8 @@ pub enum EpisodeError {
     Record { record: usize },
     #[error("the reason of a refusal is not text; episode ignored")]
     Reason,
+    #[error("the name of its task, arm or plant is not text; episode ignored")]
+    Equipment,
 }
 
 impl TickRecord {
@@ -186,6 +191,7 @@ impl Default for EpisodeHeader {
             fault: 0,
             reason: NO_REASON,
             measures: Measures::NONE,
+            equipment: Equipment::UNKNOWN,
         }
     }
 }
@@ -238,6 +244,9 @@ impl EpisodeHeader {
         if !text::is_valid(&self.reason) {
             return Err(EpisodeError::Reason);
         }
+        if !self.equipment.is_valid() {
+            return Err(EpisodeError::Equipment);
+        }
         let used = usize::try_from(self.n_records)
             .ok()
             .and_then(|n| records.get(..n))
@@ -271,6 +280,9 @@ mod tests {
         let mut muttered = header;
         muttered.reason[7] = b'x';
         assert_eq!(muttered.validate(&records), Err(EpisodeError::Reason));
+        let mut nameless = header;
+        nameless.equipment.plant[0] = 0xff;
+        assert_eq!(nameless.validate(&records), Err(EpisodeError::Equipment));
         records[1].tau[6] = f64::INFINITY;
         assert_eq!(header.validate(&records), Err(EpisodeError::Record { record: 1 }));
     }

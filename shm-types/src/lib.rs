@@ -23,6 +23,7 @@ pub mod command;
 #[cfg(feature = "transport")]
 pub mod echo;
 pub mod episode;
+pub mod equipment;
 #[cfg(feature = "transport")]
 mod generation;
 #[cfg(feature = "transport")]

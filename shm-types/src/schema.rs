@@ -3,7 +3,7 @@
 //! iceoryx2 compares type name, size and alignment; two fields of one type that trade places pass
 //! that comparison. The hash covers names, order and types of all fields.
 
-use crate::{command, episode, measures, news, policy, telemetry};
+use crate::{command, episode, equipment, measures, news, policy, telemetry};
 
 /// 64-bit FNV-1a.
 #[derive(Clone, Copy)]
@@ -50,6 +50,7 @@ pub const SCHEMA: u64 = Digest::new()
     .bytes(policy::PolicyName::LAYOUT.as_bytes())
     .bytes(episode::TickRecord::LAYOUT.as_bytes())
     .bytes(measures::Measures::LAYOUT.as_bytes())
+    .bytes(equipment::Equipment::LAYOUT.as_bytes())
     .bytes(episode::EpisodeHeader::LAYOUT.as_bytes())
     .bytes(episode::Ack::LAYOUT.as_bytes())
     .bytes(telemetry::TelemetryTick::LAYOUT.as_bytes())

@@ -2,6 +2,7 @@
 
 use crate::SCHEMA;
 use crate::episode::TickRecord;
+use crate::equipment::Equipment;
 #[cfg(feature = "transport")]
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -44,7 +45,7 @@ message! {
 
 message! {
     /// A heartbeat: a counter, whose age shows whether the sender is alive.
-    pub struct Heartbeat as "skillet/Heartbeat/5" {
+    pub struct Heartbeat as "skillet/Heartbeat/6" {
         pub schema: u64,
         pub boot_id: u64,
         pub counter: u64,
@@ -56,6 +57,8 @@ message! {
         pub leaving: u64,
         /// Learner: `WAITS_*`.
         pub waits: u64,
+        /// Controller: what it drives.
+        pub equipment: Equipment,
     }
 }
 
@@ -69,7 +72,13 @@ impl Heartbeat {
         latched: 0,
         leaving: 0,
         waits: 0,
+        equipment: Equipment::UNKNOWN,
     };
+
+    /// It comes from this build and holds text where text belongs.
+    pub fn is_valid(&self) -> bool {
+        self.schema == SCHEMA && self.equipment.is_valid()
+    }
 }
 
 impl Telemetry {

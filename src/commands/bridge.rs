@@ -34,7 +34,6 @@ mod network {
     use bridge::keys::{self, KeysConfig};
     use bridge::net::Keys;
     use rt_controller::rt::{leave_core, loop_core};
-    use sha2::{Digest, Sha256};
     use shm_types::cell::Cell;
     use shm_types::random_id;
     use shm_types::service_manager::{Notice, notify};
@@ -118,13 +117,7 @@ mod network {
         if path.is_none() {
             return Ok(String::new());
         }
-        let task = &config.task.name;
-        if config.task()?.arm().is_err() {
-            return Ok(format!("task {task}"));
-        }
-        let digest = Sha256::digest(setup::arm_text(config)?);
-        let digest: String = digest[..6].iter().map(|byte| format!("{byte:02x}")).collect();
-        Ok(format!("task {task} on the arm with URDF {digest}"))
+        Ok(setup::equipment(config)?.world())
     }
 
     fn tell(event: &Event) {

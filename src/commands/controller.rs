@@ -1,13 +1,12 @@
 //! `skillet controller`: the controller service of a cell.
 
-use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use anyhow::{Result, bail};
 use rt_controller::disk::timing_file::TimingFile;
 use rt_controller::rt::{leave_core, loop_core};
 use rt_controller::run::Controlled;
-use rt_controller::{ControllerConfig, Pace, RunSummary, run_external};
+use rt_controller::{ControllerConfig, Pace, RunSummary, Station, run_external};
 use shm_types::cell::Cell;
 
 use crate::Verdict;
@@ -42,13 +41,12 @@ pub fn run(args: &ControllerArgs) -> Result<Verdict> {
     // The cell of a single `learn` is gone with it.
     let state = (!args.private).then(|| state_dir(&config, &cell));
     let state = state.as_deref();
+    let station = Station { cell: &cell, state, equipment: setup::equipment(&config)? };
     let summary = match config.task()?.world {
         World::Arm(arm) => {
-            run_arm(&cell, &config, (arm.world)(&config)?, core, args.pace.into(), state, &stop)?
+            run_arm(station, &config, (arm.world)(&config)?, core, args.pace.into(), &stop)?
         }
-        World::Action(world) => {
-            rt_controller::run_action(&cell, world(&config).as_ref(), state, &stop)?
-        }
+        World::Action(world) => rt_controller::run_action(station, world(&config).as_ref(), &stop)?,
     };
     if let Some(path) = args.timing.as_deref().filter(|_| summary.ticks > 0)
         && let Err(error) = TimingFile::add(path, summary.timing)
@@ -67,12 +65,11 @@ pub fn run(args: &ControllerArgs) -> Result<Verdict> {
 }
 
 fn run_arm(
-    cell: &Cell,
+    station: Station<'_>,
     config: &Config,
     world: ArmWorld,
     core: usize,
     pace: Pace,
-    state: Option<&Path>,
     stop: &AtomicBool,
 ) -> Result<RunSummary> {
     let ArmWorld { model, q0, mut plant, referee, .. } = world;
@@ -80,9 +77,9 @@ fn run_arm(
     setup::arm_notes(config)?.iter().for_each(|note| tracing::warn!("{note}"));
     let controller = ControllerConfig { cpu: Some(core), ..config.controller.clone() };
     if config.plant.is_external() {
-        let external = external::of(config, cell, &model, pace)?;
+        let external = external::of(config, station.cell, &model, pace)?;
         let arm = (&model, q0, referee);
-        return Ok(run_external(cell, &controller, pace, arm, external, state, stop)?);
+        return Ok(run_external(station, &controller, pace, arm, external, stop)?);
     }
     if pace == Pace::Plant {
         bail!(
@@ -91,5 +88,5 @@ fn run_arm(
         );
     }
     let controlled = Controlled { model: &model, plant: &mut plant, q0, referee };
-    Ok(rt_controller::run(cell, &controller, pace, controlled, state, stop)?)
+    Ok(rt_controller::run(station, &controller, pace, controlled, stop)?)
 }

@@ -6,7 +6,7 @@ use anyhow::{Context, Result, bail};
 use learner::Learner;
 use learner::cells::Odd;
 use learner::modes::choose;
-use learner::session::{self, End, Event};
+use learner::session::{self, Cells, End, Event};
 use learner::store::{SessionMeta, Store};
 use rt_controller::fault::Fault;
 use rt_controller::rt::{leave_core, loop_core};
@@ -78,6 +78,7 @@ pub fn run(args: &LearnerArgs) -> Result<Verdict> {
     };
     // Whoever sits before a `learn` is told at once, and repeats it.
     let is_service = args.child.is_none();
+    let cells = Cells { named: cells, wanted: setup::equipment(&config)? };
     let end = session::run(cells, &mut learner, is_service, &stop, &mut on_event)?;
     notify(&[Notice::Stopping]);
     if let Some(out) = out {
@@ -282,6 +283,9 @@ impl Log {
                     Fault::describe(*fault as u32)
                 );
             }
+            Event::OtherWorld { .. } | Event::SameWorld { .. } | Event::OtherPlant { .. } => {
+                self.report_equipment(event);
+            }
             Event::LeftToOthers { cell, rollout } => {
                 tracing::warn!(
                     "{}rollout {rollout} did not come back; reassigned to another cell",
@@ -308,6 +312,31 @@ impl Log {
             }
             Event::AskedAgain { cell, rollout, reason } => {
                 tracing::warn!("{}rollout {rollout} asked for again: {reason}", self.of(cell));
+            }
+            _ => {}
+        }
+    }
+
+    /// What the controller of a cell drives.
+    fn report_equipment(&self, event: &Event<'_>) {
+        match event {
+            Event::OtherWorld { cell, found, wanted } => {
+                tell_manager("waiting: a controller has another task or arm");
+                tracing::error!(
+                    "{}its controller has {found}, the session {wanted}: it gets no rollouts until it is \
+                     restarted with the session's configuration",
+                    self.of(cell)
+                );
+            }
+            Event::SameWorld { cell } => {
+                tell_manager("learning");
+                tracing::info!("{}its controller has the session's task and arm", self.of(cell));
+            }
+            Event::OtherPlant { cell, plant, of, other } if cell == of => {
+                tracing::warn!("{}its plant is now {plant}; it was {other}", self.of(cell));
+            }
+            Event::OtherPlant { cell, plant, of, other } => {
+                tracing::warn!("cell {cell} has the plant {plant}, cell {of} {other}");
             }
             _ => {}
         }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use learner::path::{PathRow, unwrapped};
-use learner::store::{Store, TrialRecord};
+use learner::store::{CellRecord, Store, TrialRecord};
 use learner::summary::Summary;
 use learner::wish::{Wish, Wishes};
 use rt_controller::disk::timing_file::{LoopTiming, TimingFile};
@@ -88,7 +88,7 @@ fn gather(folder: &SessionFolder, notes: &[(String, String)]) -> Result<ReportDa
         initial_path: path(1)?,
         learnt_path: path(learnt_rollout)?,
         learnt_measures: measures_of(learnt_rollout).unwrap_or(Measures::NONE),
-        notes: [wishes_text(&wishes), notes.to_vec()].concat(),
+        notes: [wishes_text(&wishes), cells_text(&store.cells()?), notes.to_vec()].concat(),
         modes: modes::rows(&store, config.learner.prefer)?,
         timing: timing(&folder.timing(0)),
         pictures: (task.pictures)(&config),
@@ -133,6 +133,22 @@ fn wishes_text(wishes: &Wishes) -> Vec<(String, String)> {
         (format!("condition from rollout {rollout} on"), text.to_string())
     };
     wishes.texts().map(row).collect()
+}
+
+/// What the cells drove, and from which trial on.
+fn cells_text(cells: &[CellRecord]) -> Vec<(String, String)> {
+    let row = |row: &CellRecord| {
+        let name = match row.cell.as_str() {
+            "" => "arm and plant".to_string(),
+            cell => format!("cell {cell}"),
+        };
+        let since = match row.since {
+            0 | 1 => String::new(),
+            since => format!(", after {} trials", since - 1),
+        };
+        (name, format!("{}{since}", row.describe()))
+    };
+    cells.iter().map(row).collect()
 }
 
 /// The rollout shown as "learnt": the best success as it is wished for now, or the best reward when there is

@@ -101,6 +101,12 @@ fn as_json(cell: &Cell, status: &Status) -> serde_json::Value {
         "latched_s": latched(status).map(|_| status.latched_ns as f64 * 1e-9),
         "latched_cause_present": status.latched_present == 1,
         "plant": plant(status),
+        "equipment": {
+            "task": status.equipment.task_name(),
+            "arm": status.equipment.arm_name(),
+            "urdf_sha256": status.equipment.urdf_text(),
+            "plant": status.equipment.plant_name(),
+        },
         "fault_records": status.fault_records,
         "period_us": status.period_ns / 1000,
         "realtime_priority": status.privileged == 1,
@@ -166,6 +172,25 @@ fn plant(status: &Status) -> &'static str {
     }
 }
 
+/// The same with its name, where it has told one.
+fn plant_text(status: &Status) -> String {
+    let name = status.equipment.plant_name();
+    match (plant(status), status.plant) {
+        (state, _) if name.is_empty() => state.to_string(),
+        (_, PLANT_BUILT_IN) => name,
+        (state, _) => format!("{state}: {name}"),
+    }
+}
+
+/// The arm, as a line; nothing for a task without one.
+fn arm(status: &Status) -> String {
+    let (name, digest) = (status.equipment.arm_name(), status.equipment.urdf_text());
+    match digest.get(..12) {
+        Some(digest) => format!("arm         {name}, URDF {digest}\n"),
+        None => String::new(),
+    }
+}
+
 fn as_text(cell: &Cell, status: &Status, faults_dir: &Path) -> String {
     let us = |ns: u64| ns as f64 * 1e-3;
     let pace = match (status.pace, status.privileged) {
@@ -180,10 +205,11 @@ fn as_text(cell: &Cell, status: &Status, faults_dir: &Path) -> String {
         None => "none".into(),
     };
     let mut text = format!(
-        "cell        {}\nplant       {}\npace        {pace}, period {} µs\nphase       {}, tick {}, fault: {}\n\
+        "cell        {}\n{}plant       {}\npace        {pace}, period {} µs\nphase       {}, tick {}, fault: {}\n\
          in the loop policy {}, applied at tick {}\n",
         cell.name(),
-        plant(status),
+        arm(status),
+        plant_text(status),
         status.period_ns / 1000,
         phase(status),
         status.tick,

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhow::Result;
 use learner::judge::Declared;
-use learner::store::TrialRecord;
+use learner::store::{CellRecord, TrialRecord, equipment_of};
 use serde_json::{Map, Value, json};
 use shm_types::measures::TRUTH;
 
@@ -15,6 +15,9 @@ use crate::output::{print, print_json, write_new};
 use crate::session_folder::SessionFolder;
 use crate::tasks;
 
+/// Digits of the SHA-256 of a URDF.
+const SHOWN: usize = 12;
+
 pub fn run(args: &TrialsArgs) -> Result<Verdict> {
     let folder = SessionFolder::open(&args.session)?;
     let store = open(folder.dir(), &folder.database())?;
@@ -24,7 +27,9 @@ pub fn run(args: &TrialsArgs) -> Result<Verdict> {
     let are_rated = store.meta().learner.people.takes_ratings();
     let trials = store.trials()?;
     let has_cells = trials.iter().any(|trial| !trial.cell.is_empty());
-    let columns = Columns { are_rated, has_cells, measures, units };
+    let cells = store.cells()?;
+    let cells = if has_cells || cells.len() > 1 { Some(&cells[..]) } else { None };
+    let columns = Columns { are_rated, has_cells, cells, measures, units };
     let rows: Vec<Row> = trials.iter().map(|trial| row(trial, &columns)).collect();
     if args.json {
         print_json(&rows.into_iter().map(Map::from_iter).collect::<Vec<_>>())?;
@@ -43,13 +48,15 @@ struct Columns<'a> {
     are_rated: bool,
     /// A cell of some name executed them.
     has_cells: bool,
+    /// What the cells drove, if that may differ from trial to trial.
+    cells: Option<&'a [CellRecord]>,
     measures: &'a Declared,
     units: &'a [&'a str],
 }
 
 /// A measure that was not taken is null, in CSV nothing.
 fn row(trial: &TrialRecord, columns: &Columns<'_>) -> Row {
-    let Columns { are_rated, has_cells, measures, units } = *columns;
+    let Columns { are_rated, has_cells, cells, measures, units } = *columns;
     let hex = |id: u64| json!(format!("{id:016x}"));
     let mut row: Row = [
         ("rollout", json!(trial.rollout)),
@@ -69,6 +76,13 @@ fn row(trial: &TrialRecord, columns: &Columns<'_>) -> Row {
         // Which cell executed it, and how many trials were known when it was proposed.
         row.push(("cell".into(), json!(trial.cell)));
         row.push(("asked_after".into(), json!(trial.asked_after)));
+    }
+    if let Some(cells) = cells {
+        let drove = equipment_of(cells, &trial.cell, trial.told).filter(|_| trial.was_executed());
+        row.push(("arm".into(), json!(drove.map(|drove| &drove.arm))));
+        let digest = drove.map(|drove| drove.urdf_sha256.get(..SHOWN).unwrap_or_default());
+        row.push(("arm_urdf".into(), json!(digest)));
+        row.push(("plant".into(), json!(drove.map(|drove| &drove.plant))));
     }
     if are_rated {
         // What people say of it, and what it would be worth without them.

@@ -148,6 +148,26 @@ class Files(unittest.TestCase):
                 self.assertEqual(bits(search.ask().theta), bits(again.ask().theta))
                 self.assertEqual(search.told[30].reason, again.told[30].reason)
 
+    def test_several_that_are_pending_come_back_bit_for_bit(self):
+        for method in ["power", *METHODS[2:]]:
+            with self.subTest(method=method):
+                search = skillet.Search(method, start=[0.0, 0.0], box=([-3.0, -3.0], [3.0, 3.0]), seed=5)
+                pending = search.ask(4)
+                for i in range(40):
+                    # The second oldest comes back first, and one is asked for in its place.
+                    trial = pending.pop(1 if i % 3 else 2)
+                    search.tell(trial, reward(trial.theta))
+                    pending.append(search.ask())
+                search.save(self.file)
+                again = skillet.Search.load(self.file)
+                self.assertEqual([bits(trial.theta) for trial in again.pending],
+                                 [bits(trial.theta) for trial in search.pending])
+                self.assertEqual(again.told[9].asked_after, search.told[9].asked_after)
+                for one in (search, again):
+                    for trial in one.pending[::-1]:
+                        one.tell(trial, reward(trial.theta))
+                self.assertEqual(bits(search.ask().theta), bits(again.ask().theta))
+
     def test_one_from_a_demonstration_too(self):
         search = skillet.Search.from_demonstrations(DEMONSTRATION)
         for _ in range(5):
@@ -167,6 +187,12 @@ class Files(unittest.TestCase):
         state["trials"][3]["reward"] = 2.0
         self.file.write_text(json.dumps(state))
         self.assertIn("same mean", refusal(self, lambda: skillet.Search.load(self.file)))
+        search.ask(2)
+        search.save(self.file)
+        state = json.loads(self.file.read_text())
+        state["pending"][1][2] -= 5
+        self.file.write_text(json.dumps(state))
+        self.assertIn("same proposals", refusal(self, lambda: skillet.Search.load(self.file)))
 
 
 class Messages(unittest.TestCase):

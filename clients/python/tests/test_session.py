@@ -95,6 +95,23 @@ class Reading(Case):
         self.assertEqual((session.task, session.seed, len(session)), ("pancake", 1, 4))
         self.assertEqual(session.config["task"]["name"], "pancake")
 
+    def test_cells_with_their_arms_and_plants(self):
+        connection, session = self.session()
+        self.assertEqual((session.trials["cell"].tolist(), session.cells), ([""] * 4, []))
+        self.assertEqual((session.trials["told"].tolist(), session.cell_of(3)), ([1, 2, 3, 4], None))
+        for place, rollout, cell in [(1, 2, "left"), (2, 1, "right"), (3, 4, "left"), (4, 3, "left")]:
+            connection.execute("INSERT INTO told (place, rollout, cell) VALUES (?, ?, ?)", [place, rollout, cell])
+        for cell, since, plant in [("left", 1, "mujoco"), ("right", 2, "mujoco"), ("left", 4, "real")]:
+            connection.execute("INSERT INTO cells (cell, since, arm, urdf_sha256, plant) VALUES (?, ?, 'wam7', 'ab', ?)",
+                               [cell, since, plant])
+        session.refresh()
+        self.assertEqual(session.trials["cell"].tolist(), ["right", "left", "left", "left"])
+        self.assertEqual([session.cell_of(rollout).plant for rollout in (1, 2, 3, 4)],
+                         ["mujoco", "mujoco", "real", "mujoco"])
+        self.assertEqual(session.cell_of(3), ("left", 4, "wam7", "ab", "real"))
+        with self.assertRaisesRegex(skillet.SessionError, "no trial 9"):
+            session.cell_of(9)
+
     def test_paths_policies_and_the_search(self):
         _, session = self.session()
         path = session.path(3)
@@ -163,6 +180,39 @@ class Resuming(Case):
         again = session.search()
         self.assertEqual(again.ask().theta.tolist(), search.ask().theta.tolist())
         self.assertTrue(again.told[1].failed)
+
+    def test_a_session_of_several_cells_too(self):
+        connection, _ = self.session(n=0)
+        action = {"start": [0.5, -0.5], "unit": [], "min": [-2.0, -2.0], "max": [2.0, 2.0]}
+        search = skillet.Search("power", start=action["start"], box=(action["min"], action["max"]), seed=6)
+        learner = {"seed": 6, "action": action, "search": search.settings}
+        connection.execute("UPDATE meta SET value = ? WHERE key = 'learner'", [json.dumps(learner)])
+        waiting = search.ask(3)
+        for place in range(1, 31):
+            # The first one is never told.
+            trial = waiting.pop(1 if place % 2 else 2)
+            after = search._asked_after[trial.rollout]
+            add(connection, trial.rollout, trial.theta)
+            connection.execute("UPDATE trials SET reward = ?, set_aside = 0 WHERE rollout = ?",
+                               [float(trial.theta[0]), trial.rollout])
+            connection.execute("INSERT INTO asked (rollout, after) VALUES (?, ?)", [trial.rollout, after])
+            connection.execute("INSERT INTO told (place, rollout, cell) VALUES (?, ?, ?)",
+                               [place, trial.rollout, "left" if place % 2 else "right"])
+            search.tell(trial, float(trial.theta[0]), trial.rollout > 2)
+            waiting.append(search.ask())
+        for trial in search.pending:
+            connection.execute("INSERT INTO proposals (rollout, theta) VALUES (?, ?)",
+                               [trial.rollout, trial.theta.tobytes()])
+            connection.execute("INSERT INTO asked (rollout, after) VALUES (?, ?)",
+                               [trial.rollout, search._asked_after[trial.rollout]])
+        again = skillet.Session(self.folder / "s7").search()
+        told = [trial.rollout for trial in search.told]
+        self.assertEqual([trial.rollout for trial in again.told], told)
+        self.assertEqual(again.pending[0].theta.tolist(), search.pending[0].theta.tolist())
+        self.assertEqual(again.mean.tolist(), search.mean.tolist())
+        connection.execute("UPDATE asked SET after = after + 9 WHERE rollout = 25")
+        with self.assertRaisesRegex(skillet.SessionError, "comes out otherwise"):
+            skillet.Session(self.folder / "s7").search()
 
     def test_what_does_not_come_out_again_is_named(self):
         connection, _, session = self.learnt()

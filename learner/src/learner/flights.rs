@@ -4,13 +4,14 @@
 //! come back.
 
 use shm_types::episode::EpisodeHeader;
+use shm_types::equipment::Equipment;
 use shm_types::measures::Measures;
 use shm_types::policy::PolicyMsg;
 
 use super::Learner;
 use crate::error::{CompleteError, LearnerError};
 use crate::replay::ask;
-use crate::store::{Asked, TrialRecord};
+use crate::store::{Asked, CellRecord, TrialRecord};
 
 /// A rollout that was asked for.
 pub(super) struct Flight {
@@ -25,13 +26,46 @@ impl Learner {
         let first = self.in_flight().next().copied();
         Ok(match first {
             Some(policy) => policy,
-            None => self.put_next()?,
+            None => self.put_next("")?,
         })
     }
 
-    /// A further policy beside those in flight, durable and sealed; `None` where there is none to be had now.
-    pub fn another_policy(&mut self) -> Result<Option<PolicyMsg>, LearnerError> {
-        self.may_ask().then(|| self.put_next()).transpose()
+    /// A further policy beside those in flight, for `cell`, durable and sealed; `None` where there is none to be had
+    /// now.
+    pub fn another_policy(&mut self, cell: &str) -> Result<Option<PolicyMsg>, LearnerError> {
+        self.may_ask().then(|| self.put_next(cell)).transpose()
+    }
+
+    /// The cell that a rollout in flight was given to last, by this or an earlier run; empty where there is but one.
+    pub fn given_to(&self, rollout: u64) -> Option<&str> {
+        self.in_flight.get(&rollout).map(|flight| flight.asked.cell.as_str())
+    }
+
+    /// Gives a rollout in flight to `cell`, durably.
+    pub fn give(&mut self, rollout: u64, cell: &str) -> Result<(), LearnerError> {
+        if let Some(flight) = self.in_flight.get_mut(&rollout)
+            && flight.asked.cell != cell
+        {
+            self.store.put_given(rollout, cell)?;
+            flight.asked.cell = cell.into();
+        }
+        Ok(())
+    }
+
+    /// What the cells drive, in the order of the trials from which on they do.
+    pub fn cells(&self) -> &[CellRecord] {
+        &self.cells
+    }
+
+    /// What a trial tells of its cell, if that is news.
+    pub(super) fn news_of_cell(
+        &self,
+        trial: &TrialRecord,
+        equipment: &Equipment,
+    ) -> Option<CellRecord> {
+        let known = self.cells.iter().rev().find(|known| known.cell == trial.cell);
+        let told = CellRecord::of(&trial.cell, trial.told, equipment)?;
+        known.is_none_or(|known| !known.is_alike(&told)).then_some(told)
     }
 
     /// The policies in flight, in the order of their rollouts.
@@ -66,8 +100,8 @@ impl Learner {
         self.next_rollout() <= self.config.rollouts && self.awaits_rating().is_none()
     }
 
-    fn put_next(&mut self) -> Result<PolicyMsg, LearnerError> {
-        let flight = self.propose();
+    fn put_next(&mut self, cell: &str) -> Result<PolicyMsg, LearnerError> {
+        let flight = self.propose(cell);
         let policy = flight.policy;
         if let Err(error) = self.store.put_proposal(&flight.asked, &policy) {
             self.forget_what_is_not_durable();
@@ -77,13 +111,13 @@ impl Learner {
         Ok(policy)
     }
 
-    /// The next rollout, not durable yet.
-    pub(super) fn propose(&mut self) -> Flight {
+    /// The next rollout, for `cell`, not durable yet.
+    pub(super) fn propose(&mut self, cell: &str) -> Flight {
         let (rollout, after) = (self.next_rollout(), self.trials.len() as u64);
         let proposal = ask(&mut self.search, &self.problem, &self.history, &self.trials, rollout);
         // Before the first trial the mean is where the search starts.
         let is_mean = after > 0 && proposal.theta == *self.search.mean();
-        self.flight(Asked { proposal, after, is_mean })
+        self.flight(Asked { proposal, after, is_mean, cell: cell.into() })
     }
 
     fn flight(&self, asked: Asked) -> Flight {
@@ -125,7 +159,7 @@ impl Learner {
 
     /// The trial of a flight before anything is known of its execution in `cell`.
     pub(super) fn unjudged(&self, flight: &Flight, cell: &str) -> TrialRecord {
-        let Asked { proposal, after, is_mean } = &flight.asked;
+        let Asked { proposal, after, is_mean, .. } = &flight.asked;
         TrialRecord {
             rollout: proposal.rollout,
             asked_after: *after,

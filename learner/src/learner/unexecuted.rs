@@ -21,7 +21,7 @@ impl Learner {
     ) -> Result<TrialReport, CompleteError> {
         let trial = TrialRecord { set_aside: true, ..self.not_executed(cell, rollout)? };
         let note = note("set aside", trial.rollout, reason);
-        self.record(trial, &[], Some(&note))
+        self.record(trial, None, &[], Some(&note))
     }
 
     /// Gives up on a rollout in flight, which was executed but has no verdict: its measures and its
@@ -48,7 +48,7 @@ impl Learner {
         };
         let records = header.validate(records)?;
         let note = note("not judged", trial.rollout, &error.to_string());
-        self.record(trial, &decimate(records), Some(&note))
+        self.record(trial, Some(&header.equipment), &decimate(records), Some(&note))
     }
 
     /// How many of the newest trials, without a break, were set aside.
@@ -72,7 +72,7 @@ impl Learner {
         let trial = self.seen(TrialRecord { fault, own_reward, ..unexecuted });
         let note = note("refused", trial.rollout, reason);
         self.tell(&trial)?;
-        self.record(trial, &[], Some(&note))
+        self.record(trial, None, &[], Some(&note))
     }
 
     /// The trial of a rollout in flight when nothing was executed.

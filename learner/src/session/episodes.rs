@@ -51,6 +51,11 @@ impl Session<'_> {
     ) -> Result<Option<()>, SessionError> {
         let rollout = header.rollout;
         let policy = self.learner.in_flight().find(|policy| policy.rollout == rollout).copied();
+        if policy.is_some_and(|policy| policy.session == header.session)
+            && let Err(error) = self.check_equipment(header)
+        {
+            return self.unusable(k, rollout, &error);
+        }
         // While its episode is in hand, a controller that restarts need not execute it again.
         let asked = self.links[k].asked.take_if(|asked| asked.policy.rollout == rollout);
         let Some(completed) = self.completed(k, header, records)? else { return Ok(None) };

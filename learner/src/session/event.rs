@@ -60,6 +60,23 @@ pub enum Event<'a> {
         cell: &'a str,
         rollout: u64,
     },
+    /// Its controller has another task or arm than the session: it is asked for nothing.
+    OtherWorld {
+        cell: &'a str,
+        found: String,
+        wanted: String,
+    },
+    /// Its controller has the task and the arm of the session again.
+    SameWorld {
+        cell: &'a str,
+    },
+    /// Its plant is not the `other` one, which cell `of`, perhaps itself, had so far.
+    OtherPlant {
+        cell: &'a str,
+        plant: String,
+        of: String,
+        other: String,
+    },
     /// Its rollouts differ from those of the other cells.
     Odd(&'a Odd),
     /// The cell is asked for nothing more until its controller is a new one.

@@ -7,6 +7,7 @@ use shm_types::SCHEMA;
 use shm_types::cell::Cell;
 use shm_types::channel::ChannelError;
 use shm_types::episode::Ack;
+use shm_types::equipment::Equipment;
 use shm_types::policy::PolicyMsg;
 use shm_types::ports::LearnerPorts;
 use shm_types::telemetry::Heartbeat;
@@ -65,6 +66,12 @@ pub(super) struct Link {
     pub set_aside_in_a_row: u32,
     /// The newest rollout it executed that is durable, or 0.
     pub newest: u64,
+    /// It has, or may have, a controller that was not met so far.
+    is_new: bool,
+    /// What its controller drives, that this was not looked at so far, and that it is of no use to the session.
+    pub equipment: Equipment,
+    pub has_equipment_news: bool,
+    pub is_other: bool,
 }
 
 impl Link {
@@ -92,6 +99,10 @@ impl Link {
             is_retired: false,
             set_aside_in_a_row: 0,
             newest,
+            is_new: true,
+            equipment: Equipment::UNKNOWN,
+            has_equipment_news: false,
+            is_other: false,
         }
     }
 
@@ -101,7 +112,12 @@ impl Link {
 
     /// It executes what it is asked to as soon as it can, by all that is heard of it.
     pub fn is_able(&self) -> bool {
-        self.ports.is_some() && !self.is_silent && !self.is_pinned && self.latched == 0
+        self.is_met() && !self.is_silent && !self.is_pinned && self.latched == 0
+    }
+
+    /// Its controller was heard, and drives what the session needs.
+    pub fn is_met(&self) -> bool {
+        self.controller.is_some() && !self.is_other
     }
 
     pub fn is_silent(&self) -> bool {
@@ -162,14 +178,10 @@ impl Link {
         if self.ports.is_none() {
             return self.join(now, on_event);
         }
-        let mut restarted = false;
         if now >= self.next_beat {
             self.next_beat = now + BEAT;
-            if let Some(ports) = &mut self.ports {
-                restarted = ports.follow()?;
-            }
-            if restarted {
-                self.controller = None; // its beat is to come
+            if self.ports.as_mut().map_or(Ok(false), LearnerPorts::follow)? {
+                (self.controller, self.is_new) = (None, true); // its beat is to come
             }
             self.beat(waits, false);
         }
@@ -178,13 +190,15 @@ impl Link {
             self.ports.iter().for_each(LearnerPorts::clean_up);
         }
         let before = (self.is_pinned, self.latched);
-        restarted |= self.hear(now);
+        self.is_new |= self.hear(now);
         self.tell_changes(before, now, on_event);
-        if restarted {
+        // Nothing is asked of a controller before it was heard: it may drive something else.
+        let is_met = self.controller.is_some() && std::mem::take(&mut self.is_new);
+        if is_met {
             self.is_retired = false;
             self.rests_until = None;
         }
-        Ok(if restarted { Seen::NewController } else { Seen::Nothing })
+        Ok(if is_met { Seen::NewController } else { Seen::Nothing })
     }
 
     fn join(
@@ -200,7 +214,7 @@ impl Link {
             Ok(ports) => {
                 (self.ports, self.heard) = (Some(ports), Instant::now());
                 on_event(Event::Joined { cell: &self.name });
-                Ok(Seen::NewController)
+                Ok(Seen::Nothing)
             }
             Err(ChannelError::NoController { .. }) => {
                 if now >= self.next_complaint {
@@ -256,12 +270,16 @@ impl Link {
         let Some(ports) = &self.ports else { return false };
         let mut restarted = false;
         while let Ok(Some(beat)) = ports.controller_beat.receive() {
-            if beat.schema != SCHEMA || self.controller == Some(*beat) {
+            if !beat.is_valid() || self.controller == Some(*beat) {
                 continue;
             }
             restarted |= self.controller.is_some_and(|last| last.boot_id != beat.boot_id);
+            let is_news =
+                |last: Heartbeat| (last.boot_id, last.equipment) != (beat.boot_id, beat.equipment);
+            self.has_equipment_news |= self.controller.is_none_or(is_news);
             self.controller = Some(*beat);
             (self.is_pinned, self.latched) = (beat.pinned == 1, beat.latched);
+            self.equipment = beat.equipment;
             self.heard = now;
         }
         restarted

@@ -1,5 +1,5 @@
-//! Sessions of formats 3 to 6. In 3 the pancake's thirteen measures were columns of every task; in 4 there
-//! were no wishes; in 5 people said nothing; in 6 one rollout was in flight at a time.
+//! Sessions of formats 3 to 7. In 3 the pancake's thirteen measures were columns of every task; in 4 there
+//! were no wishes; in 5 people said nothing; in 6 one rollout was in flight at a time; in 7 cells had but a name.
 
 use std::path::{Path, PathBuf};
 
@@ -14,8 +14,12 @@ use crate::judge::Declared;
 
 const FORMAT: i64 = 3;
 /// Formats since then, each with the tables that came with the next one.
-const SINCE: [(i64, &[&str]); 3] =
-    [(4, &["wishes"]), (5, &["ratings", "demonstrations"]), (6, &["asked", "told"])];
+const SINCE: [(i64, &[&str]); 4] = [
+    (4, &["wishes"]),
+    (5, &["ratings", "demonstrations"]),
+    (6, &["asked", "told"]),
+    (7, &["given", "cells"]),
+];
 /// Columns that are gone: the one that held a world's own number, and the pancake's.
 const VALUE: &str = "value";
 const FLAGS: &str = "outcome_flags";

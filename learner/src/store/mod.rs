@@ -2,6 +2,7 @@
 //!
 //! Write-ahead log with full synchronisation: what a call has returned from survives a power cut.
 
+mod cells;
 mod convert;
 mod copy;
 mod error;
@@ -19,6 +20,8 @@ use std::time::Duration;
 use rusqlite::{Connection, OpenFlags, Transaction};
 use shm_types::policy::PolicyMsg;
 
+use cells::insert_cell;
+pub use cells::{CellRecord, equipment_of};
 use copy::{SecondCopy, copy_path};
 pub use error::StoreError;
 pub use meta::SessionMeta;
@@ -29,7 +32,7 @@ use rows::{insert_event, insert_policy, insert_proposal, insert_search, insert_t
 use shm_types::policy_json;
 
 /// Format of the session file; raised whenever an older program could not read it.
-pub const FORMAT_VERSION: i64 = 7;
+pub const FORMAT_VERSION: i64 = 8;
 /// "SKLT" in the file's header: how `file` and [`Store::open`] recognise a session.
 const APPLICATION_ID: i64 = 0x534b_4c54;
 /// Pages of changes after which they are moved into the file. That waits for the disk thrice, so it is to be
@@ -168,13 +171,14 @@ impl Store {
 
     /// Writes what a rollout adds in one transaction, with the acknowledgement that it allows.
     pub fn record_step(&mut self, step: &Step<'_>) -> Result<(), StoreError> {
-        let Step { trial, path, search, durable_rollout, next, note } = step;
+        let Step { trial, cell, path, search, durable_rollout, next, note } = step;
         let next_text = next.map(|(_, policy)| self.policy_text(policy)).transpose()?;
         self.transaction(|transaction| {
             if let Some(note) = note {
                 insert_event(transaction, note)?;
             }
             insert_trial(transaction, trial, path)?;
+            cell.map_or(Ok(()), |cell| insert_cell(transaction, cell))?;
             insert_search(transaction, trial.rollout, search)?;
             let query = "INSERT OR REPLACE INTO meta (key, value) VALUES ('durable_rollout', ?1)";
             transaction.prepare_cached(query)?.execute([durable_rollout.to_string()])?;

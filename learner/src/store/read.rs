@@ -21,19 +21,19 @@ impl Store {
     /// The proposals without a trial, in the order of their rollouts.
     pub fn in_flight(&self) -> Result<Vec<Asked>, StoreError> {
         let query = format!(
-            "SELECT rollout, theta, {ASKED_COLUMNS} FROM proposals LEFT JOIN asked USING (rollout) \
-             WHERE rollout NOT IN (SELECT rollout FROM trials) ORDER BY rollout"
+            "SELECT rollout, theta, {ASKED_COLUMNS}, COALESCE(given.cell, '') FROM proposals \
+             LEFT JOIN asked USING (rollout) LEFT JOIN given USING (rollout) WHERE rollout NOT IN (SELECT rollout FROM trials) ORDER BY rollout"
         );
         let mut statement = self.sql(self.connection.prepare(&query))?;
         let rows = self.sql(statement.query_map([], |row| {
             let (rollout, after) = (integer(row.get(0)?), integer(row.get(2)?));
-            Ok((rollout, row.get::<_, Vec<u8>>(1)?, after, row.get(3)?))
+            Ok((rollout, row.get::<_, Vec<u8>>(1)?, after, row.get(3)?, row.get(4)?))
         }))?;
-        let asked = |row: rusqlite::Result<(u64, Vec<u8>, u64, bool)>| {
-            let (rollout, bytes, after, is_mean) = self.sql(row)?;
+        let asked = |row: rusqlite::Result<(u64, Vec<u8>, u64, bool, String)>| {
+            let (rollout, bytes, after, is_mean, cell) = self.sql(row)?;
             let theta = vector(&bytes)
                 .ok_or_else(|| self.corrupt(format!("proposal {rollout}: theta is damaged")))?;
-            Ok(Asked { proposal: Proposal { rollout, theta }, after, is_mean })
+            Ok(Asked { proposal: Proposal { rollout, theta }, after, is_mean, cell })
         };
         rows.map(asked).collect()
     }

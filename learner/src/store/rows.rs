@@ -6,6 +6,7 @@ use shm_types::episode::FAULT_POLICY_REFUSED;
 use shm_types::measures::Measures;
 use shm_types::policy::PolicyMsg;
 
+use super::cells::{CellRecord, insert_given};
 use crate::modes::mode_policy_id;
 use crate::path::{self, PathRow};
 use crate::targets::measured;
@@ -41,6 +42,8 @@ pub struct Asked {
     pub after: u64,
     /// It is the mean of the search then, not a draw around it; follows from what is stored.
     pub is_mean: bool,
+    /// The cell it was given to last; empty where there is but one.
+    pub cell: String,
 }
 
 /// A row of `trials`, without its path.
@@ -144,6 +147,8 @@ pub struct Event {
 #[derive(Clone, Copy)]
 pub struct Step<'a> {
     pub trial: &'a TrialRecord,
+    /// What its cell drives from this trial on, where that is news.
+    pub cell: Option<&'a CellRecord>,
     pub path: &'a [PathRow],
     /// State of the search after it.
     pub search: &'a SearchSnapshot,
@@ -221,7 +226,7 @@ pub(super) fn insert_policy(
 
 pub(super) fn insert_proposal(
     transaction: &Transaction<'_>,
-    Asked { proposal, after, .. }: &Asked,
+    Asked { proposal, after, cell, .. }: &Asked,
     policy: &PolicyMsg,
     text: &str,
 ) -> rusqlite::Result<()> {
@@ -232,7 +237,7 @@ pub(super) fn insert_proposal(
     let query = "INSERT INTO asked (rollout, after) VALUES (?1, ?2)";
     let row = [signed(proposal.rollout), signed(*after)];
     transaction.prepare_cached(query)?.execute(row)?;
-    Ok(())
+    if cell.is_empty() { Ok(()) } else { insert_given(transaction, proposal.rollout, cell) }
 }
 
 pub(super) fn insert_search(
@@ -254,6 +259,7 @@ pub(super) fn see_anew(
     search: &SearchSnapshot,
 ) -> rusqlite::Result<()> {
     let beyond = [signed(after)];
+    transaction.execute("DELETE FROM given WHERE rollout > ?1", beyond)?;
     transaction.execute("DELETE FROM asked WHERE rollout > ?1", beyond)?;
     transaction.execute("DELETE FROM proposals WHERE rollout > ?1", beyond)?;
     let query = "DELETE FROM policies WHERE rollout > ?1 AND kind = 'trial'";

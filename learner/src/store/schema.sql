@@ -128,6 +128,25 @@ CREATE TABLE told (
     cell TEXT NOT NULL
 ) STRICT;
 
+-- Which cell a rollout was given to last. Where there is no row: to the only one.
+CREATE TABLE given (
+    rollout INTEGER PRIMARY KEY REFERENCES proposals (rollout),
+    seal INTEGER,
+    cell TEXT NOT NULL
+) STRICT;
+
+-- What a cell drives, from the trial that was told as number `since` on: name of the robot in its URDF, SHA-256 of
+-- that file, and the plant. Where there is no row nothing was told.
+CREATE TABLE cells (
+    cell TEXT NOT NULL,
+    since INTEGER NOT NULL,
+    seal INTEGER,
+    arm TEXT NOT NULL,
+    urdf_sha256 TEXT NOT NULL,
+    plant TEXT NOT NULL,
+    PRIMARY KEY (cell, since)
+) STRICT;
+
 CREATE TABLE events (
     id INTEGER PRIMARY KEY,
     seal INTEGER,

@@ -6,7 +6,7 @@ use rusqlite::types::ValueRef;
 use shm_types::Digest;
 
 /// Every table; each has a column `seal` over all its others.
-const TABLES: [&str; 14] = [
+const TABLES: [&str; 16] = [
     "meta",
     "policies",
     "proposals",
@@ -20,6 +20,8 @@ const TABLES: [&str; 14] = [
     "demonstrations",
     "asked",
     "told",
+    "given",
+    "cells",
     "events",
 ];
 

@@ -41,7 +41,8 @@ pub(super) fn proposal(rollout: u64) -> Proposal {
 
 /// Asked when all rollouts before it were told.
 pub(super) fn asked(rollout: u64) -> Asked {
-    Asked { proposal: proposal(rollout), after: rollout - 1, is_mean: false }
+    let cell = "kitchen-1".to_string();
+    Asked { proposal: proposal(rollout), after: rollout - 1, is_mean: false, cell }
 }
 
 pub(super) fn record(rollout: u64) -> TrialRecord {
@@ -70,6 +71,12 @@ pub(super) fn record(rollout: u64) -> TrialRecord {
     }
 }
 
+/// What the first trial tells of its cell.
+fn cell() -> CellRecord {
+    let (cell, arm) = ("kitchen-1".into(), "wam7".into());
+    CellRecord { cell, since: 1, arm, urdf_sha256: "ab".repeat(32), plant: "mujoco".into() }
+}
+
 pub(super) fn snapshot() -> SearchSnapshot {
     let mean = DVector::from_vec(vec![1.0, 0.1, -3.0]);
     SearchSnapshot { std: mean.map(f64::abs), mean, floor: 0.2 }
@@ -94,10 +101,11 @@ pub(super) fn store_trial(
     let (trial, path, search) = (record(rollout), rows(), snapshot());
     let next = next.map(|rollout| (asked(rollout), policy(rollout)));
     let note = Event { kind: "noted".into(), text: format!("rollout {rollout}") };
-    let (trial, path, search) = (&trial, &path, &search);
+    let cell = (rollout == 1).then(cell);
+    let (trial, cell, path, search) = (&trial, cell.as_ref(), &path, &search);
     let next = next.as_ref().map(|(asked, policy)| (asked, policy));
     let note = next.map(|_| &note);
-    store.record_step(&Step { trial, path, search, durable_rollout: rollout, next, note })
+    store.record_step(&Step { trial, cell, path, search, durable_rollout: rollout, next, note })
 }
 
 fn refusal(path: &Path) -> String {
@@ -124,6 +132,7 @@ fn everything_comes_back_bit_for_bit_after_reopening() {
     let store = Store::open(&path).unwrap();
     assert_eq!(store.meta(), &meta());
     assert_eq!(store.trials().unwrap(), [record(1), record(2)]);
+    assert_eq!(store.cells().unwrap(), [cell()]);
     assert_eq!((store.trial_count().unwrap(), store.durable_rollout().unwrap()), (2, 2));
     assert_eq!(store.path(2).unwrap(), Some(rows()));
     assert_eq!(store.path(3).unwrap(), None);
@@ -240,7 +249,7 @@ fn refuses_another_format_and_another_task() {
     assert!(error.contains("of the task `pancake`, not `skittles`"), "{error}");
     store.connection.pragma_update(None, "user_version", 99).unwrap();
     drop(store);
-    assert!(refusal(&path).contains("session format 99, this program writes 7"));
+    assert!(refusal(&path).contains("session format 99, this program writes 8"));
 }
 
 #[test]

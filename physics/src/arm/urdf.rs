@@ -102,6 +102,11 @@ pub fn chains(text: &str) -> Result<Vec<ChainCandidate>, UrdfError> {
     Ok(chain::candidates(&Tree::new(&robot, &mut findings)?))
 }
 
+/// What the robot is called in its URDF.
+pub fn robot_name(text: &str) -> Option<String> {
+    document::read(text, &mut Findings::default()).ok().map(|robot| robot.name)
+}
+
 /// Is there a link of this name?
 pub fn has_link(text: &str, name: &str) -> bool {
     document::read(text, &mut Findings::default())

@@ -7,4 +7,9 @@ mod world;
 
 pub use arm::RapierArm;
 pub use plant::{Scene, ScenePlant};
+/// Name and version of the engine.
+pub fn engine() -> String {
+    format!("Rapier {}", rapier3d::VERSION)
+}
+
 pub use world::{ContactSoftness, new_world};

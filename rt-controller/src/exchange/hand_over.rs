@@ -194,6 +194,7 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
             policy_id: name.policy_id,
             policy_digest: name.digest,
             period_ns: self.setup.record_ns,
+            equipment: self.setup.equipment(),
             ..EpisodeHeader::default()
         }
     }

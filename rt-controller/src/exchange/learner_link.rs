@@ -55,7 +55,7 @@ impl LearnerLink {
         let acknowledged = self.acknowledged;
         self.proposal.take_if(|asked| acknowledged.covers(asked.session, asked.rollout));
         while let Ok(Some(beat)) = ports.learner_beat.receive() {
-            if beat.schema == SCHEMA && self.seen.is_none_or(|(last, _)| last != *beat) {
+            if beat.is_valid() && self.seen.is_none_or(|(last, _)| last != *beat) {
                 self.seen = Some((*beat, Instant::now()));
                 self.mute = None;
             }

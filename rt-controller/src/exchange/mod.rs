@@ -239,8 +239,15 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
         let (boot_id, counter) = (self.boot_id, self.beat_counter);
         let pinned = u64::from(self.serving.is_pinned());
         let latched = self.setup.latch.fault().unwrap_or(Fault::None) as u64;
-        let beat =
-            Heartbeat { schema: SCHEMA, boot_id, counter, pinned, latched, ..Heartbeat::NONE };
+        let beat = Heartbeat {
+            schema: SCHEMA,
+            boot_id,
+            counter,
+            pinned,
+            latched,
+            equipment: self.setup.equipment(),
+            ..Heartbeat::NONE
+        };
         let _ = self.ports.beat.send_copy(beat);
         self.report.flush(&self.ports);
         self.ports.meet_newcomers();

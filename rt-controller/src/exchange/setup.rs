@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use physics::arm::JointVector;
+use shm_types::equipment::Equipment;
 use shm_types::policy::PolicyMsg;
 
 use crate::admit::admission::AdmissionError;
@@ -13,6 +14,7 @@ use crate::admit::posture::PostureError;
 use crate::config::Pace;
 use crate::executor::latch::Latch;
 use crate::hot::posture::PostureMove;
+use crate::remote::PlantName;
 
 /// Checks a message; the policy to execute and the records it can fill.
 type Admit<'a, P> = &'a dyn Fn(&PolicyMsg) -> Result<(P, usize), AdmissionError>;
@@ -37,8 +39,9 @@ pub(crate) struct Setup<'a, P> {
     /// Time between two records.
     pub record_ns: u64,
     pub pace: Pace,
-    /// The plant is another process.
-    pub is_plant_apart: bool,
+    /// What is driven; of a plant in another process, its name is to be added.
+    pub equipment: Equipment,
+    pub plant_apart: Option<PlantName>,
     pub privileged: &'a AtomicBool,
     pub latch: &'a Latch,
     pub n_joints: usize,
@@ -54,6 +57,14 @@ pub(crate) struct Setup<'a, P> {
 impl<P> Setup<'_, P> {
     pub fn is_realtime(&self) -> bool {
         self.pace != Pace::Max
+    }
+
+    /// What is driven now.
+    pub fn equipment(&self) -> Equipment {
+        match &self.plant_apart {
+            Some(name) => Equipment { plant: name.get(), ..self.equipment },
+            None => self.equipment,
+        }
     }
 
     pub fn is_privileged(&self) -> bool {

@@ -37,9 +37,10 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
             latched_present: latched(&|_| u64::from(self.setup.latch.is_present())),
             plant: match self.setup.latch.is_absent() {
                 true => PLANT_ABSENT,
-                false if self.setup.is_plant_apart => PLANT_THERE,
+                false if self.setup.plant_apart.is_some() => PLANT_THERE,
                 false => PLANT_BUILT_IN,
             },
+            equipment: self.setup.equipment(),
             fault_records: self.flights.as_ref().map_or(0, |files| files.len() as u64),
             period_ns: self.setup.period_ns,
             pace: match self.setup.pace {

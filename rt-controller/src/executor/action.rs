@@ -1,12 +1,11 @@
 //! Runs the controller of a world without an arm: actions in, measured values out.
 
-use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use nalgebra::Vector3;
 use physics::action::{ActionWorld, Measured};
-use shm_types::cell::{Cell, Role};
+use shm_types::cell::Role;
 use shm_types::episode::{MAX_RECORDS, TickRecord};
 use shm_types::measures::{Measure, Measures};
 use shm_types::policy::PolicyMsg;
@@ -23,6 +22,7 @@ use crate::hot::rollout::Phase;
 use crate::rings::Applied;
 use crate::rings::{Done, Ends, Job};
 use crate::rt::now_ns;
+use crate::run::Station;
 use crate::serve::serve;
 use crate::summary::{RunError, RunSummary};
 
@@ -34,9 +34,8 @@ const PERIOD_S: f64 = PERIOD_NS as f64 * 1e-9;
 
 /// Runs until `stop` is set. Such a world has no clock of its own: every rollout is immediate.
 pub fn run_action<W: ActionWorld + ?Sized>(
-    cell: &Cell,
+    station: Station<'_>,
     world: &W,
-    state: Option<&Path>,
     stop: &AtomicBool,
 ) -> Result<RunSummary, RunError> {
     let admit = |message: &_| {
@@ -56,7 +55,8 @@ pub fn run_action<W: ActionWorld + ?Sized>(
         period_ns: PERIOD_NS,
         record_ns: PERIOD_NS,
         pace: Pace::Max,
-        is_plant_apart: false,
+        equipment: station.equipment,
+        plant_apart: None,
         privileged: &never,
         latch: &no_machine,
         n_joints: 0,
@@ -64,9 +64,9 @@ pub fn run_action<W: ActionWorld + ?Sized>(
         blend_ticks: 0,
         // An immediate world without a learner would repeat itself as fast as it can.
         alone_after: None,
-        state,
+        state: station.state,
     };
-    let lock = cell.lock(Role::Controller)?;
+    let lock = station.cell.lock(Role::Controller)?;
     serve(&lock, setup, stop, |ends| execute(ends, world, stop))
 }
 

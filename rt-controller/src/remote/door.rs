@@ -15,7 +15,7 @@ use shm_types::plant::socket::{Buffer, Connection, LinkError, Listener, Message,
 use shm_types::plant::{MODE_STOP, PlantCommand, PlantHello, PlantState, PlantWelcome};
 
 use crate::remote::expected::{Expected, External};
-use crate::remote::{Arrival, Departure, DoorEnds, Ended};
+use crate::remote::{Arrival, Departure, DoorEnds, Ended, PlantName};
 
 /// Timeout for a plant's Hello, and then for its first sample.
 const PATIENCE: Duration = Duration::from_secs(5);
@@ -34,6 +34,7 @@ pub(crate) struct Door {
     expected: Expected,
     boot_id: u64,
     ends: DoorEnds,
+    plant: PlantName,
     uid: u32,
     /// The plant in the loop.
     inside: Option<Inside>,
@@ -67,13 +68,14 @@ impl Door {
         external: External,
         boot_id: u64,
         ends: DoorEnds,
+        plant: PlantName,
     ) -> Result<DoorThread, SocketError> {
         let External { socket, cell, expected } = external;
         let listener = Listener::bind(&socket)?;
         tracing::info!(socket = %socket.display(), "waiting for a plant");
         let (uid, told) = (rustix::process::getuid().as_raw(), Instant::now());
         let (host, inside) = (None, None);
-        let door = Door { listener, cell, host, expected, boot_id, ends, uid, inside, told };
+        let door = Door { listener, cell, host, expected, boot_id, ends, plant, uid, inside, told };
         let is_over = Arc::new(AtomicBool::new(false));
         let stop = is_over.clone();
         let thread = Some(std::thread::spawn(move || door.run(&stop)));
@@ -154,6 +156,7 @@ impl Door {
                 let link = Arc::new(link);
                 let arrival = Arrival { line: Line::new(link.clone(), shared), state };
                 if self.ends.arrivals.push(arrival).is_ok() {
+                    self.plant.set(&hello);
                     tracing::info!(plant = hello.name(), "plant connected");
                     self.inside = Some(Inside { link, name: hello.name() });
                 }

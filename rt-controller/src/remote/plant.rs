@@ -16,7 +16,7 @@ use shm_types::plant::{
 
 use crate::remote::door::{Door, DoorThread};
 use crate::remote::expected::{Expected, External};
-use crate::remote::{Arrival, ControllerLine, Departure, Ended, Ends, rings};
+use crate::remote::{Arrival, ControllerLine, Departure, Ended, Ends, PlantName, rings};
 
 /// How long the loop waits for a simulator before it looks at everything else.
 const SLICE: Duration = Duration::from_millis(50);
@@ -37,6 +37,7 @@ const UNIT: f64 = 1e-6;
 
 pub struct RemotePlant {
     ends: Ends,
+    name: PlantName,
     /// Where it comes to; closed with this.
     _door: DoorThread,
     is_simulated: bool,
@@ -75,10 +76,11 @@ impl RemotePlant {
     ) -> Result<RemotePlant, SocketError> {
         let (ends, door_ends) = rings();
         let Expected { is_simulated, period_ns, ref joint_names, .. } = external.expected;
-        let n_joints = joint_names.len();
+        let (n_joints, name) = (joint_names.len(), PlantName::none());
         Ok(RemotePlant {
             ends,
-            _door: Door::open(external, boot_id, door_ends)?,
+            name: name.clone(),
+            _door: Door::open(external, boot_id, door_ends, name)?,
             is_simulated,
             period_ns,
             q0: *q0,
@@ -97,6 +99,10 @@ impl RemotePlant {
             tau: [0.0; MAX_JOINTS],
             outcome: Measures::NONE,
         })
+    }
+
+    pub(crate) fn name(&self) -> PlantName {
+        self.name.clone()
     }
 
     /// Whether it has come within `patience`; for those who have no loop to look.

@@ -11,11 +11,12 @@ use physics::arm::ArmModel;
 use physics::pancake::WAM7_START_POSTURE;
 use physics::plant::Plant;
 use rt_controller::run::Controlled;
-use rt_controller::{ControllerConfig, Pace, RunSummary};
+use rt_controller::{ControllerConfig, Pace, RunSummary, Station};
 use shm_types::cell::Cell;
 use shm_types::command::{
     AT_NOW, COMMAND_ACTIVATE, COMMAND_IMPORT, COMMAND_STOP, Command, Reply, Status,
 };
+use shm_types::equipment::Equipment;
 use shm_types::policy::PolicyMsg;
 use shm_types::ports::ToolPorts;
 
@@ -48,7 +49,8 @@ impl Service<'_> {
                 let (q0, referee) = (WAM7_START_POSTURE, referee());
                 let controlled = Controlled { model: self.model, plant, q0, referee };
                 let (config, state) = (self.config, self.state);
-                rt_controller::run(&cell, config, self.pace, controlled, state, &stop).unwrap()
+                let station = Station { cell: &cell, state, equipment: Equipment::UNKNOWN };
+                rt_controller::run(station, config, self.pace, controlled, &stop).unwrap()
             });
             let _stopping = Stopping(&stop);
             let tool = ToolPorts::open(&cell, SOON).unwrap();

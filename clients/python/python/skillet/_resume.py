@@ -1,5 +1,7 @@
 """The search of a stored session, told its trials again."""
 
+import numpy as np
+
 from ._search import Search
 from ._session import Session, SessionError
 
@@ -15,9 +17,21 @@ def resume(session: Session) -> Search:
                            "retell: resume it with `skillet learn`")
     search = Search._as_configured(session.learner, _demonstrations(session))
     trials = session.trials
-    for i, rollout in enumerate(trials["rollout"].tolist()):
-        trial = search.ask()
-        if trial.rollout != rollout or trial.theta.tobytes() != session.theta[i].tobytes():
+    rollouts, after = trials["rollout"].tolist(), trials["asked_after"].tolist()
+    # In flight, but of no influence on any trial: whoever goes on asks for these.
+    in_flight = [(rollout, known) for rollout, known in session._in_flight if rollout < max(rollouts, default=0)]
+    asked: dict[int, int] = {**dict(zip(rollouts, after)), **dict(in_flight)}
+    order, proposed = iter(sorted(asked)), {}
+    next_asked = next(order, None)
+    for place, i in enumerate([*np.argsort(trials["told"]).tolist(), None]):
+        while next_asked is not None and asked[next_asked] <= place:
+            proposed[next_asked] = search.ask()
+            next_asked = next(order, None)
+        if i is None:
+            break
+        rollout = rollouts[i]
+        trial = proposed.get(rollout)
+        if trial is None or trial.rollout != rollout or trial.theta.tobytes() != session.theta[i].tobytes():
             known = " (aim used the task's prediction: set aim.predict = false)" if settings["method"] == "aim" else ""
             raise SessionError(f"{session.file}: rollout {rollout} comes out otherwise here: it was learnt by another "
                                f"version, or with what only the tool knows{known}")

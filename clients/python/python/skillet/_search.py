@@ -14,7 +14,7 @@ from ._skillet import Core
 if TYPE_CHECKING:
     from ._policy import Policy
 
-FORMAT = 1
+FORMAT = 2
 Floats = NDArray[np.float64]
 
 
@@ -56,6 +56,8 @@ class Told(NamedTuple):
     failed: bool
     measured: list[Optional[float]]
     reason: str
+    asked_after: int
+    """How many trials had ended when it was asked for."""
 
 
 class Search:
@@ -154,6 +156,7 @@ class Search:
         self._targets = self._core.targets
         self._n_asked = 0
         self._pending: dict[int, Trial] = {}
+        self._asked_after: dict[int, int] = {}
         self._told: list[Told] = []
 
     @property
@@ -201,11 +204,14 @@ class Search:
         """The next trial; with `n` a list of the next n, to be run in any order."""
         if n is not None:
             return [self.ask() for _ in range(n)]
-        rollout = self._n_asked + 1
+        self._n_asked += 1
+        return self._ask(self._n_asked)
+
+    def _ask(self, rollout: int) -> Trial:
         theta = _array(self._core.ask(rollout))
         theta.flags.writeable = False
-        self._n_asked = rollout
         self._pending[rollout] = Trial(rollout, theta)
+        self._asked_after[rollout] = len(self._told)
         return self._pending[rollout]
 
     def tell(self, trial: Union[Trial, int], reward: float, success: bool = False, *,
@@ -224,12 +230,13 @@ class Search:
                              "call fail(trial) for a rollout without one")
         told = pending.theta if theta is None else _floats("theta", theta)
         self._learn(Told(pending.rollout, told, reward, bool(success), False,
-                         self._measured(measures or {}), ""))
+                         self._measured(measures or {}), "", self._asked_after[pending.rollout]))
 
     def fail(self, trial: Union[Trial, int], reason: str = "") -> None:
         """Sets a trial aside that gave no reward: a broken recording, a robot that stopped. Not learnt."""
         pending = self._take(trial)
-        self._learn(Told(pending.rollout, pending.theta, math.nan, False, True, [], reason))
+        self._learn(Told(pending.rollout, pending.theta, math.nan, False, True, [], reason,
+                         self._asked_after[pending.rollout]))
 
     def _take(self, trial: Union[Trial, int]) -> Trial:
         rollout = trial.rollout if isinstance(trial, Trial) else int(trial)
@@ -243,7 +250,7 @@ class Search:
             self._core.withdraw(told.rollout)
         else:
             self._core.tell(told.rollout, _bytes(told.theta), told.reward, told.success, told.measured)
-        del self._pending[told.rollout]
+        del self._pending[told.rollout], self._asked_after[told.rollout]
         self._told.append(told)
 
     def _measured(self, measures: Mapping[str, float]) -> list[Optional[float]]:
@@ -270,7 +277,8 @@ class Search:
         """Writes settings, seed and all trials as JSON; never leaves half a file."""
         state = {
             "skillet_search": FORMAT, **self._origin, "asked": self._n_asked,
-            "pending": [[trial.rollout, trial.theta.tolist()] for trial in self._pending.values()],
+            "pending": [[trial.rollout, trial.theta.tolist(), self._asked_after[trial.rollout]]
+                        for trial in self._pending.values()],
             "trials": [_row(told) for told in self._told], "mean": self.mean.tolist(),
         }
         path = Path(path)
@@ -280,7 +288,8 @@ class Search:
 
     @classmethod
     def load(cls, path: Union[str, os.PathLike]) -> "Search":
-        """The search that was saved: tells it its trials again, and checks that it comes to the same mean."""
+        """The search that was saved: asks and tells it again in the same order, and checks that it comes to the same
+        pending proposals and the same mean."""
         try:
             state = json.loads(Path(path).read_text(encoding="utf-8"))
             found = state["skillet_search"]
@@ -290,21 +299,31 @@ class Search:
             raise ValueError(f"{path}: format {found} instead of {FORMAT}: load it with the version that saved it")
         keys = ("search", "seed", "start", "low", "high", "directions", "learner", "demonstrations")
         search = cls._of({key: state[key] for key in keys if key in state})
-        search._replay(map(_from_row, state["trials"]))
+        search._replay([_from_row(row) for row in state["trials"]],
+                       [(rollout, after) for rollout, _, after in state["pending"]])
         search._n_asked = state["asked"]
-        search._pending = {rollout: Trial(rollout, np.array(theta)) for rollout, theta in state["pending"]}
-        for rollout in search._pending:
-            search._core.ask(rollout)
+        pending = {rollout: theta for rollout, theta, _ in state["pending"]}
+        if {trial.rollout: trial.theta.tolist() for trial in search.pending} != pending:
+            raise ValueError(f"{path}: this version of skillet does not come to the same proposals from the same "
+                             "trials: load it with the version that saved it")
         if search.mean.tolist() != state["mean"]:
             raise ValueError(f"{path}: this version of skillet does not come to the same mean from the same "
                              "trials: load it with the version that saved it")
         return search
 
-    def _replay(self, trials: Iterable[Told]) -> None:
-        for told in trials:
-            self._core.ask(told.rollout)
-            self._pending[told.rollout] = Trial(told.rollout, told.theta)
-            self._learn(told)
+    def _replay(self, trials: Sequence[Told], pending: Iterable[tuple[int, int]]) -> None:
+        """Asks for each rollout when as many trials have ended as then, and tells the trials in their order. `pending`
+        are rollouts that have not ended, each with how many trials had when it was asked for."""
+        asked: dict[int, list[int]] = {}
+        for rollout, after in [*((told.rollout, told.asked_after) for told in trials), *pending]:
+            asked.setdefault(after, []).append(rollout)
+        for after in range(len(trials) + 1):
+            for rollout in sorted(asked.get(after, [])):
+                self._ask(rollout)
+            if after < len(trials):
+                if (rollout := trials[after].rollout) not in self._pending:
+                    raise ValueError(f"trial {rollout} was told before it was asked for")
+                self._learn(trials[after])
 
     def __repr__(self) -> str:
         method = self.settings["method"]
@@ -321,7 +340,7 @@ def _search_settings(method: str, reward_map: Any, settings: Optional[Mapping[st
 
 
 def _row(told: Told) -> dict[str, Any]:
-    row: dict[str, Any] = {"rollout": told.rollout, "theta": told.theta.tolist()}
+    row: dict[str, Any] = {"rollout": told.rollout, "asked_after": told.asked_after, "theta": told.theta.tolist()}
     if told.failed:
         return {**row, "failed": told.reason}
     return {**row, "reward": told.reward, "success": told.success, "measured": told.measured}
@@ -330,7 +349,7 @@ def _row(told: Told) -> dict[str, Any]:
 def _from_row(row: dict[str, Any]) -> Told:
     failed = "failed" in row
     return Told(row["rollout"], np.array(row["theta"]), row.get("reward", math.nan), row.get("success", False),
-                failed, row.get("measured", []), row.get("failed", ""))
+                failed, row.get("measured", []), row.get("failed", ""), row["asked_after"])
 
 
 def _floats(name: str, values: ArrayLike, ndim: Optional[int] = 1) -> Floats:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from ._search import Search
 
 APPLICATION_ID = 0x534B_4C54
-FORMAT = 7
+FORMAT = 8
 PATH_DTYPE = np.dtype([
     ("t_s", "<f4"), ("position_m", "<f4", 3), ("rotation_rad", "<f4", 3), ("object_position_m", "<f4", 3),
     ("object_quaternion", "<f4", 4), ("attractor", "<f4", 6),
@@ -25,12 +25,28 @@ roll, yaw); the object's position and unit quaternion (w, x, y, z); Σ hᵢ μ�
 
 _TRIALS = ("rollout", "reward", "success", "set_aside", "fault", "n_records", "policy_id", "applied_tick")
 _FLAGS = ("success", "set_aside")
+_ORDERED = ("asked_after", "told", "cell")
+_ORDER = "COALESCE(asked.after, rollout - 1), COALESCE(told.place, rollout), COALESCE(told.cell, '')"
 Table = dict[str, NDArray]
 _Path = Union[str, os.PathLike]
 
 
 class SessionError(Exception):
     """A session cannot be read; the text says what to do."""
+
+
+class StoredCell(NamedTuple):
+    """What a cell drove from a trial on."""
+
+    cell: str
+    """Its name; empty where there was but one."""
+    since: int
+    """Place of the first such trial in the order in which they were told, `trials["told"]`."""
+    arm: str
+    """Name of the robot in its URDF; empty without an arm."""
+    urdf_sha256: str
+    plant: str
+    """The simulation, or what the plant in another process calls itself, with its version."""
 
 
 class StoredMode(NamedTuple):
@@ -68,7 +84,14 @@ class Session:
         with _Reader(self.file) as read:
             self._meta = dict(read("SELECT key, value FROM meta"))
             columns = ", ".join(_TRIALS)
-            rows = read(f"SELECT {columns}, theta FROM trials ORDER BY rollout")
+            rows = read(f"SELECT {columns}, {_ORDER}, theta FROM trials LEFT JOIN asked USING (rollout) "
+                        "LEFT JOIN told USING (rollout) ORDER BY rollout")
+            self._in_flight: list[tuple[int, int]] = read(
+                "SELECT rollout, COALESCE(asked.after, rollout - 1) FROM proposals LEFT JOIN asked USING (rollout) "
+                "WHERE rollout NOT IN (SELECT rollout FROM trials) ORDER BY rollout")
+            self.cells: list[StoredCell] = [StoredCell(*row) for row in read(
+                "SELECT cell, since, arm, urdf_sha256, plant FROM cells ORDER BY since, cell")]
+            """What the cells drove, each from a trial on."""
             measured = read("SELECT rollout, name, value FROM measures")
             self._searches = read("SELECT rollout, mean, std, floor FROM searches ORDER BY rollout")
             self._modes = read("SELECT mode, prior, mean, covariance, best_rollout, best_reward, tolerance, "
@@ -85,13 +108,15 @@ class Session:
         """θ of every trial, (n, D), scaled units."""
         self.trials = self._table(rows, measured)
         """One array a column, (n,): rollout, reward, success (by the judge, without ratings), set_aside, fault, n_records, policy_id,
-        applied_tick, and every measure by its name (NaN where there is none). `pandas.DataFrame(session.trials)`."""
+        applied_tick, asked_after (how many trials were known when it was proposed), told (its place in the order in
+        which trials came back), cell (which executed it), and every measure by its name (NaN where there is none).
+        `pandas.DataFrame(session.trials)`."""
         return self
 
     def _table(self, rows: list[tuple], measured: list[tuple]) -> Table:
-        kinds: dict[str, type] = {"reward": np.float64, **dict.fromkeys(_FLAGS, np.bool_)}
+        kinds: dict[str, type] = {"reward": np.float64, "cell": np.str_, **dict.fromkeys(_FLAGS, np.bool_)}
         table: Table = {name: np.array([row[i] for row in rows], dtype=kinds.get(name, np.int64))
-                 for i, name in enumerate(_TRIALS)}
+                 for i, name in enumerate(_TRIALS + _ORDERED)}
         place = {rollout: i for i, rollout in enumerate(table["rollout"].tolist())}
         for name in self.units:
             table[name] = np.full(len(rows), np.nan)
@@ -176,12 +201,22 @@ class Session:
             raise SessionError(f"{self.file}: no trial {rollout}: it has {len(self.theta)} trials")
         return np.frombuffer(rows[0][0], dtype=PATH_DTYPE)
 
+    def cell_of(self, rollout: int) -> Optional[StoredCell]:
+        """What executed a rollout; None if its cell told nothing."""
+        found = np.flatnonzero(self.trials["rollout"] == rollout)
+        if len(found) == 0:
+            raise SessionError(f"{self.file}: no trial {rollout}: it has {len(self.theta)} trials")
+        cell, told = self.trials["cell"][found[0]], self.trials["told"][found[0]]
+        drove = [row for row in self.cells if row.cell == cell and row.since <= told]
+        return drove[-1] if drove else None
+
     def _one(self, query: str, key: int) -> list[tuple]:
         with _Reader(self.file) as read:
             return read(query, int(key))
 
     def search(self) -> "Search":
-        """The `Search` as it stands after these trials; it proposes them again, bit for bit, or raises.
+        """The `Search` as it stands after these trials; it proposes them again, bit for bit, or raises. A rollout that
+        has not come back is pending in it if later ones have.
 
         What it is told from now on stays in Python: the session is not changed.
         """

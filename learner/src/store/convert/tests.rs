@@ -1,4 +1,4 @@
-//! Sessions as formats 3 to 6 wrote them, opened.
+//! Sessions as formats 3 to 7 wrote them, opened.
 
 use rusqlite::{Connection, OpenFlags};
 use shm_types::policy::PolicyMsg;
@@ -118,9 +118,10 @@ fn a_session_of_a_later_format_gets_the_tables_that_it_lacks() {
     let path = session(&directory, "pancake");
     let trials = Store::open(&path).unwrap().trials().unwrap();
     for (before, lacks) in [
-        (4, "wishes, ratings, demonstrations, asked, told"),
-        (5, "ratings, demonstrations, asked, told"),
-        (6, "asked, told"),
+        (4, "wishes, ratings, demonstrations, asked, told, given, cells"),
+        (5, "ratings, demonstrations, asked, told, given, cells"),
+        (6, "asked, told, given, cells"),
+        (7, "given, cells"),
     ] {
         let connection = Connection::open(&path).unwrap();
         for name in lacks.split(", ") {
@@ -132,7 +133,7 @@ fn a_session_of_a_later_format_gets_the_tables_that_it_lacks() {
         assert_eq!(format(&path), FORMAT_VERSION);
         let history = store.history().unwrap();
         assert!(history.wishes.last().is_none() && history.ratings.all().is_empty());
-        assert!(store.added().unwrap().is_empty());
+        assert!(store.added().unwrap().is_empty() && store.cells().unwrap().is_empty());
         assert_eq!(store.trials().unwrap(), trials);
     }
 }

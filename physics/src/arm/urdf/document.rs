@@ -10,6 +10,8 @@ use super::xml::{Source, attribute, child, is};
 
 /// A URDF as it was written, each element with its line.
 pub(super) struct Robot {
+    /// Empty where it has none.
+    pub name: String,
     pub links: Vec<Link>,
     pub joints: Vec<Joint>,
 }
@@ -109,7 +111,8 @@ pub(super) fn read(text: &str, findings: &mut Findings) -> Result<Robot, UrdfErr
         reader.findings.fault(source.line(root), fault);
         reader.findings.check()?;
     }
-    let mut robot = Robot { links: Vec::new(), joints: Vec::new() };
+    let name = root.attribute("name").unwrap_or_default().to_string();
+    let mut robot = Robot { name, links: Vec::new(), joints: Vec::new() };
     for node in root.children() {
         if is(&node, "link") {
             robot.links.extend(reader.link(&node));
