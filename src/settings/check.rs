@@ -70,7 +70,7 @@ pub fn check(path: &Path) -> Result<Vec<Outcome>> {
     let mut all = vec![Outcome::of("settings", Some(path), Ok(said))];
     let mut model = None;
     if config.has_arm() {
-        all.extend(check_arm(&config, &mut model));
+        all.push(check_arm(&config, &mut model));
         all.extend(check_demonstrations(&config, model.as_ref()));
     }
     all.extend(check_programs(&config));
@@ -86,14 +86,17 @@ fn judge_setting(config: &Config) -> &'static str {
     if config.task.judge.is_some() { "task.judge" } else { "learner.reward" }
 }
 
-fn check_arm(config: &Config, model: &mut Option<ArmModel>) -> Option<Outcome> {
-    let arm = setup::arm(config).and_then(|arm| holding::check_start(config, &arm).map(|()| arm));
-    let result = arm.map(|arm| {
-        let found = format!("{} joints, level in the start posture", arm.n_joints());
+/// With what was assumed where the URDF says nothing or not quite what a body can be.
+fn check_arm(config: &Config, model: &mut Option<ArmModel>) -> Outcome {
+    let result = setup::arm(config).and_then(|arm| {
+        holding::check_start(config, &arm)?;
+        let notes = setup::load_arm(config)?.notes;
+        let notes: String = notes.iter().map(|note| format!("; {note}")).collect();
+        let found = format!("{} joints, level in the start posture{notes}", arm.n_joints());
         *model = Some(arm);
-        found
+        Ok(found)
     });
-    Some(Outcome::of("plant.arm", config.plant.arm.as_deref(), result))
+    Outcome::of("plant.arm", config.plant.arm.as_deref(), result)
 }
 
 /// Each demonstration by itself, then the policy that is fitted to them.

@@ -17,7 +17,7 @@ Every setting of a configuration file, with its unit, its range and its default.
 doc comments in the code and from the ranges that the loader checks: `skillet config --markdown` prints it.
 
 `skillet config > my.toml` writes the same as a file: keep what you change and delete the rest. Anything you omit uses
-the default of its task; the defaults below are those of `pancake`, and `skillet config TASK` prints those of another
+the default of its task; the defaults below are those of `pancake`, and `skillet config landscape` prints those of another
 task. `skillet config --check my.toml` checks a file and everything it names.
 
 ## Completion in an editor
