@@ -37,28 +37,27 @@ struct Page {
 impl Page {
     fn write(&self, text: &str) -> Result<String> {
         let (mut out, mut path) = (HEAD.to_string(), Vec::new());
-        let mut described = HashSet::new();
-        // Tables at the top are all there, so nothing is missing above the first of them.
+        // A list of tables is described once.
+        let (mut described, mut is_new_table) = (HashSet::new(), false);
         for line in text.lines().filter(|line| !line.is_empty()) {
-            if line.starts_with('[') {
-                out += &self.missing(&path);
-                path = header(line)?;
-                let node = self.node(&path).filter(|_| described.insert(path.clone()));
+            let is_header = line.starts_with('[');
+            let key = if is_header { header(line)? } else { inside(&path, line) };
+            if is_header {
+                // Tables at the top are all there, so nothing is missing above the first of them.
+                out += &if is_new_table { self.missing(&path) } else { String::new() };
                 out += "\n";
-                out += &node.map(comment).unwrap_or_default();
-            } else {
-                let key = line.split(" = ").next().unwrap_or_default();
-                let inner: Vec<String> = path.iter().cloned().chain([key.to_string()]).collect();
-                let is_setting = self.node(&path).is_some_and(is_table);
-                let node =
-                    self.node(&inner).filter(|_| is_setting && described.insert(inner.clone()));
-                out += &node.map(comment).unwrap_or_default();
             }
-            out += line;
-            out += "\n";
+            let is_new = described.insert(key.clone());
+            // What a table of names holds are no settings.
+            let is_setting = is_header || self.node(&path).is_some_and(is_table);
+            let node = self.node(&key).filter(|_| is_setting && is_new);
+            out += &node.map(comment).unwrap_or_default();
+            out += &format!("{line}\n");
+            if is_header {
+                (path, is_new_table) = (key, is_new);
+            }
         }
-        out += &self.missing(&path);
-        Ok(out)
+        Ok(out + &self.missing(&path))
     }
 
     fn node(&self, path: &[String]) -> Option<&Value> {
@@ -67,7 +66,9 @@ impl Page {
 
     /// The settings of a table that are not set, as comments with an example.
     fn missing(&self, path: &[String]) -> String {
-        let properties = self.node(path).and_then(|node| node.get("properties")?.as_object());
+        let node = self.node(path);
+        let table = node.map(|node| if node["items"].is_object() { &node["items"] } else { node });
+        let properties = table.and_then(|table| table.get("properties")?.as_object());
         let given = inner(&self.given, path);
         let examples = inner(&self.examples, path);
         let mut out = String::new();
@@ -83,9 +84,18 @@ impl Page {
     }
 }
 
-/// The table at `path`.
+/// The table at `path`; of a list of tables, the first.
 fn inner<'a>(table: &'a Table, path: &[String]) -> Option<&'a Table> {
-    path.iter().try_fold(table, |table, step| table.get(step)?.as_table())
+    path.iter().try_fold(table, |table, step| match table.get(step)? {
+        toml::Value::Array(list) => list.first()?.as_table(),
+        value => value.as_table(),
+    })
+}
+
+/// The path of the setting in `line` of the table `path`.
+fn inside(path: &[String], line: &str) -> Vec<String> {
+    let key = line.split(" = ").next().unwrap_or_default();
+    [path, &[key.to_string()]].concat()
 }
 
 /// Sentence, unit and range as comment lines.

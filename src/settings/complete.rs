@@ -4,11 +4,12 @@ use std::collections::BTreeMap;
 
 use learner::compliance::ComplianceConfig;
 use learner::demonstration::DemonstrationsAre;
+use learner::encoding::EncodingKind;
 use learner::initial_policy::InitialStiffness;
 use learner::orientation::Orientation;
 use search::aim::Target;
 
-use crate::config::plant::PanConfig;
+use crate::config::plant::{PanConfig, PlantKind};
 use crate::config::{Config, JudgeConfig};
 
 /// It is an example of each setting, not of all together.
@@ -27,6 +28,7 @@ pub fn complete() -> Config {
         measures: names("gap_m", "m"),
     });
     let plant = &mut config.plant;
+    plant.kind = PlantKind::External;
     plant.program = vec!["python3".into(), "my_plant.py".into()];
     plant.socket = Some("plant.sock".into());
     plant.measures = names("contact_force_n", "N");
@@ -40,7 +42,7 @@ pub fn complete() -> Config {
     learner.demonstrations_are = DemonstrationsAre::Repetitions;
     learner.initial_stiffness = InitialStiffness::Variability;
     learner.orientation = Orientation::Sphere;
-    learner.encoding = learner::encoding::EncodingKind::Dmp;
+    learner.encoding = EncodingKind::Dmp;
     learner.stiffness_range = 8.0;
     learner.compliance = ComplianceConfig::default();
     learner.wish = "apex_m < 0.45".into();
