@@ -162,11 +162,11 @@ impl LearnerConfig {
             });
         }
         self.action.validate()?;
+        self.search.validate()?;
         check("", &self.ranges())?;
         self.check_encoding()?;
         self.check_variability()?;
-        self.check_is_told_anew()?;
-        self.search.validate()
+        self.check_is_told_anew()
     }
 
     /// The same settings for another encoding: features it lacks are off.

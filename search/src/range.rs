@@ -69,7 +69,9 @@ impl Range {
     /// What is allowed, as `0.1 to 3 s`.
     pub fn allowed(&self) -> String {
         let limits = Limits { max: self.most, ..self.limits };
-        if self.unit == "1" { limits.to_string() } else { format!("{limits} {}", self.unit) }
+        // Several words are no unit that could stand behind a number.
+        let is_unit = self.unit != "1" && !self.unit.contains(' ');
+        if is_unit { format!("{limits} {}", self.unit) } else { limits.to_string() }
     }
 }
 
