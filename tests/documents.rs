@@ -2,7 +2,6 @@
 
 mod util;
 
-use std::fs;
 use std::path::Path;
 
 use util::Bench;
