@@ -29,9 +29,9 @@ impl Default for CemConfig {
 impl CemConfig {
     /// Settings and their ranges.
     pub fn ranges(&self) -> Vec<Range> {
-        let n_elites =
-            range("n_elites", self.n_elites as f64, 1.0, 1e4, "1").up_to(self.batch.size as f64);
-        [vec![n_elites], self.batch.ranges()].concat()
+        let n_elites = range("n_elites", self.n_elites as f64, 1.0, 1e4, "1");
+        // The batch first: its size limits the elites.
+        [self.batch.ranges(), vec![n_elites.up_to(self.batch.size as f64)]].concat()
     }
 }
 
