@@ -4,6 +4,7 @@ pub mod arm;
 pub mod bench;
 pub mod bridge;
 pub mod child;
+pub mod config;
 pub mod convert;
 pub mod demo;
 pub mod doctor;
@@ -89,8 +90,8 @@ pub enum Verb {
     Soak(soak::SoakArgs),
     /// Cells on other machines: one learner, arms in several rooms
     Bridge(bridge::BridgeArgs),
-    /// Show the configuration in effect
-    Config(ConfigArgs),
+    /// Show every setting, or check a configuration file
+    Config(config::ConfigArgs),
     /// Print a shell completion script
     Completions(shell::CompletionsArgs),
     /// Write the manual pages
@@ -334,20 +335,6 @@ pub struct StudyArgs {
     #[arg(long, hide = true, value_name = "PID")]
     pub child: Option<u32>,
     /// Print one JSON object instead of a table
-    #[arg(long)]
-    pub json: bool,
-}
-
-#[derive(Args)]
-#[command(after_help = "\
-Examples:
-  skillet config > my.toml            every setting with its default
-  skillet config --config my.toml     my.toml with all defaults filled in")]
-pub struct ConfigArgs {
-    /// Configuration file (TOML) [default: the built-in defaults]
-    #[arg(long)]
-    pub config: Option<PathBuf>,
-    /// Print JSON
     #[arg(long)]
     pub json: bool,
 }

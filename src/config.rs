@@ -9,6 +9,8 @@ use learner::LearnerConfig;
 use learner::compliance::ComplianceConfig;
 use physics::skittles;
 use rt_controller::ControllerConfig;
+use schemars::JsonSchema;
+use search::range::{ANY, Range, inside, range, within};
 use serde::{Deserialize, Serialize};
 
 #[path = "config/judge.rs"] // also where the fuzzer takes this file from here
@@ -19,61 +21,78 @@ pub mod plant;
 pub use judge::JudgeConfig;
 pub use plant::PlantConfig;
 
+const LEVELS: [&str; 5] = ["error", "warn", "info", "debug", "trace"];
+const FORMATS: [&str; 2] = ["text", "json"];
+
 /// The defaults of a task, by its name and chosen options.
 pub type Defaults = fn(&str, BTreeMap<String, String>) -> Config;
 
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Config {
+    /// The cell: a controller and its learner.
     pub cell: CellConfig,
+    /// The task, its demonstrations and its judge.
     pub task: TaskConfig,
+    /// The log of controller and learner.
     pub log: LogConfig,
+    /// The arm with its pan and the pancake, simulated or external.
     pub plant: PlantConfig,
+    /// The real-time loop.
     pub controller: ControllerConfig,
+    /// A session: the policy, the search and the reward.
     pub learner: LearnerConfig,
+    /// Metrics for Prometheus.
     pub metrics: MetricsConfig,
 }
 
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct CellConfig {
-    /// Prefix of everything controller and learner share.
+    /// Name of the cell: the prefix of everything controller and learner share.
     pub name: String,
-    /// Where the controller keeps imported policies and its serving state.
+    /// Folder in which the controller keeps imported policies and its serving state. Default: the
+    /// folder of its name in `$SKILLET_STATE_DIR`, `$STATE_DIRECTORY` or `~/.local/state/skillet`.
+    #[schemars(extend("format" = "path"))]
     pub state_dir: Option<PathBuf>,
 }
 
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct TaskConfig {
+    /// Name of the task; `skillet task list` shows them.
     pub name: String,
-    /// CSV `t_s,x_m,y_m,z_m,pitch_rad`, or with quaternions. Default: the built-in demonstration.
+    /// Demonstration: a CSV with `t_s,x_m,y_m,z_m,pitch_rad`, or with quaternions. Default: the task's own.
+    #[schemars(extend("format" = "path"))]
     pub demonstration: Option<PathBuf>,
-    /// Further demonstrations of other solutions: the search keeps a mode for each.
+    /// Further demonstrations: other solutions, or repetitions, as `learner.demonstrations_are` says.
+    #[schemars(extend("items" = { "type": "string", "format": "path" }))]
     pub other_demonstrations: Vec<PathBuf>,
-    /// Position of the target, for a task with a choice of target, m.
+    /// Position of the target, for a task with a choice of target.
     pub target_m: [f64; 2],
-    /// Options of the task, by name; see `skillet task list`.
+    /// Options of the task, by name; see `skillet task list`. Default: the first value of each.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub options: BTreeMap<String, String>,
-    /// Replaces `learner.reward`: reward and success as expressions over the measures, or a program.
+    /// Judge that replaces `learner.reward`: expressions over the measures, or a program. Default: none, or the task's own.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub judge: Option<JudgeConfig>,
 }
 
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct LogConfig {
-    /// error, warn, info, debug or trace.
+    /// Least severe level that is logged.
+    #[schemars(extend("enum" = LEVELS))]
     pub level: String,
-    /// text or json.
+    /// Format of a line of the log.
+    #[schemars(extend("enum" = FORMATS))]
     pub format: String,
 }
 
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct MetricsConfig {
-    /// Loopback address of the controller's Prometheus endpoint; disabled by default.
+    /// Loopback address of the controller's Prometheus endpoint. Default: none.
     pub listen: Option<SocketAddr>,
 }
 
@@ -150,17 +169,46 @@ impl Config {
         Ok(parse(text, of)?)
     }
 
+    /// Every number with its range and its unit.
+    pub fn ranges(&self) -> Vec<Range> {
+        let of_controller = self.controller.ranges();
+        let controller =
+            of_controller.map(|(f, value, min, max, unit)| range(f, value, min, max, unit));
+        [
+            self.own_ranges(),
+            inside("controller.", controller),
+            inside("learner.", self.learner.ranges()),
+        ]
+        .concat()
+    }
+
+    /// Those of the tables `task` and `plant`.
+    fn own_ranges(&self) -> Vec<Range> {
+        let target =
+            |i: usize| within(&format!("task.target_m[{i}]"), self.task.target_m[i], ANY, "m");
+        let judge = self.task.judge.iter().flat_map(JudgeConfig::ranges);
+        [
+            vec![target(0), target(1)],
+            inside("task.judge.", judge),
+            inside("plant.", self.plant.ranges()),
+        ]
+        .concat()
+    }
+
     /// Checks everything that does not depend on the task.
     pub fn validate_settings(&self) -> Result<()> {
         shm_types::cell::Cell::new(&self.cell.name).context("cell.name")?;
-        if !["error", "warn", "info", "debug", "trace"].contains(&self.log.level.as_str()) {
+        if !LEVELS.contains(&self.log.level.as_str()) {
             bail!("log.level is '{}': use error, warn, info, debug or trace", self.log.level);
         }
-        if !["text", "json"].contains(&self.log.format.as_str()) {
+        if !FORMATS.contains(&self.log.format.as_str()) {
             bail!("log.format is '{}': use text or json", self.log.format);
         }
         if let Some(address) = self.metrics.listen {
             MetricsConfig::check(address)?;
+        }
+        if let Some(range) = self.own_ranges().iter().find(|range| !range.holds()) {
+            bail!("{} is {}: use {}", range.field, range.value, range.allowed());
         }
         self.task.judge.as_ref().map_or(Ok(()), JudgeConfig::validate)?;
         self.plant.validate()?;

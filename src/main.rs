@@ -35,6 +35,7 @@ mod resume;
 mod robots;
 mod ros2;
 mod session_folder;
+mod settings;
 mod setup;
 mod signals;
 mod soak;

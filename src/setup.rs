@@ -181,7 +181,7 @@ pub fn built_in_demonstration(config: &Config) -> Result<Demonstration> {
     Ok(Demonstration::parse("built-in demonstration", text)?)
 }
 
-fn read_demonstration(path: &Path) -> Result<Demonstration> {
+pub fn read_demonstration(path: &Path) -> Result<Demonstration> {
     let name = path.display().to_string();
     let text = std::fs::read_to_string(path)
         .with_context(|| format!("{name}: cannot read the demonstration"))?;

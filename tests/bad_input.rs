@@ -31,8 +31,8 @@ fn configuration_mistakes_name_line_and_field() {
         ("[learner\n", &["line 1"]),
         ("[learner]\ntask_dim = 5\n", &["learner.task_dim is 5", "3 (position)"]),
         ("[learner]\nrollouts = 0\n", &["learner.rollouts is 0"]),
-        ("[controller]\nperiod_us = 10\n", &["controller.period_us is 10", "250..=2000"]),
-        ("[plant]\nfriction = nan\n", &["plant.friction is NaN", "0..=2"]),
+        ("[controller]\nperiod_us = 10\n", &["controller.period_us is 10", "250 to 2000"]),
+        ("[plant]\nfriction = nan\n", &["plant.friction is NaN", "0 to 2"]),
         ("[cell]\nname = \"../up\"\n", &["cell name '../up'", "a-z"]),
         ("[plant]\nstart_posture_rad = [0, 1]\n", &["start_posture_rad", "2 numbers", "7 joints"]),
     ];

@@ -165,7 +165,19 @@ const ROWS: [Row; 54] = [
     ("bridge serve", &[(ERROR, "--listen 0.0.0.0:7447 --allow kitchen")]),
     ("bridge join", &[(ERROR, "--connect nowhere --cell c9")]),
     ("bridge keys", &[(ERROR, "--out keys --learner oven --cells UP")]),
-    ("config", &[(DONE, ""), (ERROR, "--config absent.toml")]),
+    (
+        "config",
+        &[
+            (DONE, ""),
+            (DONE, "landscape"),
+            (DONE, "--schema"),
+            (DONE, "--check file"),
+            (NEGATIVE, "--check massless.urdf"),
+            (ERROR, "--config absent.toml"),
+            (ERROR, "--check absent.toml"),
+            (ERROR, "nothing"),
+        ],
+    ),
     ("completions", &[(DONE, "bash"), (ERROR, "tcsh")]),
     ("man", &[(DONE, "--out man"), (ERROR, "--out file/below")]),
     // No commands of their own, but pages of the manual.

@@ -4,20 +4,25 @@ use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use shm_types::MAX_ACTIONS;
 
-use search::range::ConfigError;
+use search::range::{ABOVE_ZERO, ANY, ConfigError, Range, within};
 use search::{Bounds, Space};
+
+/// Unit of actions.
+const OF_TASK: &str = "units of the task's actions";
 
 /// Empty for a task with an arm. All in the units of the task's world.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct ActionConfig {
-    /// Where the search begins.
+    /// Action at which the search begins.
     pub start: Vec<f64>,
-    /// What one unit of noise is of each number, where they are not of one size; empty: 1 of each.
+    /// One unit of noise of each number, for numbers of different size. Default: 1 each.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub unit: Vec<f64>,
-    /// Box that is known to hold the solutions; both empty when none is known.
+    /// Lower corner of a box known to hold the solutions; empty when none is known.
     pub min: Vec<f64>,
+    /// Upper corner of the box.
     pub max: Vec<f64>,
 }
 
@@ -27,6 +32,24 @@ impl ActionConfig {
         !self.start.is_empty()
     }
 
+    /// Settings and their ranges.
+    pub fn ranges(&self) -> Vec<Range> {
+        let entries = |name: &'static str, values: &[f64], limits| -> Vec<Range> {
+            let entry = |(i, value): (usize, &f64)| {
+                within(&format!("{name}[{i}]"), *value, limits, OF_TASK)
+            };
+            values.iter().enumerate().map(entry).collect()
+        };
+        [
+            entries("start", &self.start, ANY),
+            entries("unit", &self.unit, ABOVE_ZERO),
+            entries("min", &self.min, ANY),
+            entries("max", &self.max, ANY),
+        ]
+        .concat()
+    }
+
+    /// As many of each as of the others, and a box that holds the start.
     pub fn validate(&self) -> Result<(), ConfigError> {
         let error = |field: &str, value: String, allowed: &str| ConfigError::Range {
             field: format!("action.{field}"),

@@ -6,6 +6,7 @@ use shm_types::policy::{ACTIVATION_DECAY, ACTIVATION_TIME, PolicyMsg};
 
 /// What drives the activations of a policy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Activation {
     /// Time since the start of the rollout, s.

@@ -18,14 +18,15 @@ use crate::parameters::ParameterMap;
 pub const MEASURE: &str = "compliance";
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct ComplianceConfig {
     /// Reward of a success per unit of compliance, which is a factor e less stiffness; 0: compliance is
     /// neither measured nor rewarded.
     pub weight: f64,
-    /// Stiffness below which the reward starts, and below which it grows no further, s⁻²: means over the
-    /// movement of the geometric mean over all directions.
+    /// Stiffness below which the reward starts: the mean over the movement of the geometric mean over all directions.
     pub stiff: f64,
+    /// Stiffness below which the reward grows no further, at most `stiff`.
     pub soft: f64,
 }
 
@@ -52,9 +53,9 @@ impl ComplianceConfig {
 
     pub fn ranges(&self) -> Vec<Range> {
         vec![
-            range("weight", self.weight, 0.0, 100.0),
-            range("stiff", self.stiff, self.soft, 2e4),
-            range("soft", self.soft, 1.0, 2e4),
+            range("weight", self.weight, 0.0, 100.0, "1"),
+            range("stiff", self.stiff, 1.0, 2e4, "s⁻²"),
+            range("soft", self.soft, 1.0, 2e4, "s⁻²").up_to(self.stiff),
         ]
     }
 

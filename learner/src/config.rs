@@ -20,56 +20,68 @@ use crate::people::PeopleConfig;
 use crate::reward::RewardConfig;
 use search::SearchConfig;
 pub use search::range::ConfigError;
-use search::range::{check, range};
+use search::range::{ANY, Range, check, inside, range};
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct LearnerConfig {
     /// Rollouts after which the session is done; may be raised when resuming.
     pub rollouts: u64,
+    /// Seed of every random number of the session.
     pub seed: u64,
-    /// What θ holds of a policy.
+    /// Encoding of a policy: the numbers that are learnt. Default: "springs".
     #[serde(skip_serializing_if = "EncodingKind::is_springs")]
     pub encoding: EncodingKind,
-    /// Relation of several demonstrations.
+    /// Relation of several demonstrations. Default: "starts".
     #[serde(skip_serializing_if = "DemonstrationsAre::is_starts")]
     pub demonstrations_are: DemonstrationsAre,
     /// Learnt coordinates: 3 (position), 4 (and pitch) or 6 (and roll, yaw).
+    #[cfg_attr(feature = "schema", schemars(extend("enum" = [3, 4, 6])))]
     pub task_dim: usize,
-    /// Representation of orientations: rotation vectors, or rotations, which may be full turns.
+    /// Representation of orientations. Default: "rotation_vector".
     #[serde(skip_serializing_if = "Orientation::is_vector")]
     pub orientation: Orientation,
-    /// Number of components of a policy, or how it is chosen.
+    /// Number of components of a policy, or "bic" to choose it by the Bayesian information criterion.
     pub n_components: Components,
-    /// κᴾ of the initial policy, s⁻².
+    /// Stiffness κᴾ of the initial policy, per unit of mass.
     pub kappa_p: f64,
-    /// Source of the initial policy's stiffness.
+    /// Source of the initial policy's stiffness. Default: "kappa_p".
     #[serde(skip_serializing_if = "InitialStiffness::is_kappa_p")]
     pub initial_stiffness: InitialStiffness,
-    /// Stiffness from variability lies within κᴾ divided and multiplied by this.
+    /// Stiffness from variability lies within κᴾ divided and multiplied by this. Default: 4.
     #[serde(skip_serializing_if = "is_usual_range")]
     pub stiffness_range: f64,
-    /// ζ of dampers that follow the stiffness, 2ζ Kᵢ^½; 0 for κᵛ = 2√κᴾ at any stiffness.
+    /// Damping ratio ζ of dampers that follow the stiffness, 2ζ Kᵢ^½; 0 for κᵛ = 2√κᴾ at any stiffness.
     pub damping_ratio: f64,
+    /// Variable that drives the activations.
     pub activation: Activation,
-    /// α of the decay activation, s⁻¹.
+    /// Rate α of the decay activation.
     pub decay_rate: f64,
-    /// σ of an activation relative to the spacing of the centres.
+    /// Width σ of an activation relative to the spacing of the centres.
     pub width_ratio: f64,
-    /// Gains of the coordinates that are not learnt, s⁻² and s⁻¹.
+    /// Stiffness of coordinates that are not learnt, per unit of inertia.
     pub orientation_stiffness: f64,
+    /// Damping of coordinates that are not learnt, per unit of inertia.
     pub orientation_damping: f64,
+    /// Physical size of one unit of θ.
     pub scales: Scales,
+    /// Start and box of the search for a task without an arm.
     pub action: ActionConfig,
+    /// Directions in which the search explores, and how far.
     pub exploration: ExplorationConfig,
+    /// The search, and a table of settings for each method.
     pub search: SearchConfig,
+    /// The built-in rewards; `task.judge` replaces them.
     pub reward: RewardConfig,
+    /// Reward for compliance.
     #[serde(default = "ComplianceConfig::off")]
     pub compliance: ComplianceConfig,
+    /// Ratings by people, and when the learner asks for them.
     pub people: PeopleConfig,
-    /// Which mode provides the selected policy.
+    /// Mode that provides the selected policy.
     pub prefer: Prefer,
-    /// Additional condition on a success, over the measures; may be changed when resuming.
+    /// Additional condition on a success, over the measures; may be changed when resuming. Default: none.
     #[serde(rename = "where", skip_serializing_if = "String::is_empty")]
     pub wish: String,
 }
@@ -113,6 +125,33 @@ impl Default for LearnerConfig {
 }
 
 impl LearnerConfig {
+    /// Every setting with its range, as fields of the table `learner`.
+    pub fn ranges(&self) -> Vec<Range> {
+        let own = vec![
+            range("rollouts", self.rollouts as f64, 1.0, 100_000.0, "1"),
+            range("seed", self.seed as f64, 0.0, ANY.max, "1"),
+            range("n_components", self.count() as f64, 1.0, MAX_COMPONENTS as f64, "1"),
+            range("kappa_p", self.kappa_p, STIFFNESS_MIN, STIFFNESS_MAX, "s⁻²"),
+            range("stiffness_range", self.stiffness_range, 1.0, 100.0, "1"),
+            range("damping_ratio", self.damping_ratio, 0.0, 10.0, "1"),
+            range("decay_rate", self.decay_rate, 0.01, 100.0, "s⁻¹"),
+            range("width_ratio", self.width_ratio, 0.1, 3.0, "1"),
+            range("orientation_stiffness", self.orientation_stiffness, 0.0, 1e5, "s⁻²"),
+            range("orientation_damping", self.orientation_damping, 0.0, 1e3, "s⁻¹"),
+        ];
+        [
+            own,
+            inside("scales.", self.scales.ranges()),
+            inside("action.", self.action.ranges()),
+            inside("exploration.", self.exploration.ranges()),
+            inside("reward.", self.reward.ranges()),
+            inside("compliance.", self.compliance.ranges()),
+            inside("people.", self.people.ranges()),
+            inside("search.", self.search.ranges()),
+        ]
+        .concat()
+    }
+
     /// Checks that every field is within its range.
     pub fn validate(&self) -> Result<(), ConfigError> {
         if !matches!(self.task_dim, 3 | 4 | 6) {
@@ -122,30 +161,12 @@ impl LearnerConfig {
                 allowed: "3 (position), 4 (and pitch) or 6 (and roll, yaw)".into(),
             });
         }
-        let ranges = [
-            range("rollouts", self.rollouts as f64, 1.0, 100_000.0),
-            range("n_components", self.count() as f64, 1.0, MAX_COMPONENTS as f64),
-            range("kappa_p", self.kappa_p, STIFFNESS_MIN, STIFFNESS_MAX),
-            range("stiffness_range", self.stiffness_range, 1.0, 100.0),
-            range("damping_ratio", self.damping_ratio, 0.0, 10.0),
-            range("decay_rate", self.decay_rate, 0.01, 100.0),
-            range("width_ratio", self.width_ratio, 0.1, 3.0),
-            range("orientation_stiffness", self.orientation_stiffness, 0.0, 1e5),
-            range("orientation_damping", self.orientation_damping, 0.0, 1e3),
-            range("scales.position_m", self.scales.position_m, 1e-4, 1.0),
-            range("scales.angle_rad", self.scales.angle_rad, 1e-4, 3.0),
-            range("scales.log_stiffness", self.scales.log_stiffness, 1e-4, 3.0),
-        ];
-        check("", &ranges)?;
-        check("exploration.", &self.exploration.ranges())?;
-        check("reward.", &self.reward.ranges())?;
-        check("compliance.", &self.compliance.ranges())?;
-        check("people.", &self.people.ranges())?;
         self.action.validate()?;
+        self.search.validate()?;
+        check("", &self.ranges())?;
         self.check_encoding()?;
         self.check_variability()?;
-        self.check_is_told_anew()?;
-        self.search.validate()
+        self.check_is_told_anew()
     }
 
     /// The same settings for another encoding: features it lacks are off.

@@ -73,6 +73,7 @@ pub enum DemonstrationError {
 
 /// What several demonstrations of a session are to each other.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum DemonstrationsAre {
     /// Other ways to do it: the search starts from each.

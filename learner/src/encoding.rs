@@ -34,6 +34,7 @@ use tsm::Tsm;
 
 /// Which encoding a session learns.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum EncodingKind {
     /// Eq. (5): attractors and full stiffness matrices.

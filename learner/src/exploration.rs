@@ -31,6 +31,7 @@ const NO_CHANGE: f64 = 1e-6;
 
 /// Which directions the search explores.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum ExplorationKind {
     /// Alterations of the demonstration, one number each.
@@ -59,6 +60,7 @@ impl From<FitError> for ExplorationError {
 
 /// Which stiffnesses are explored, each with its own factor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum StiffnessKind {
     /// None: they stay those of the initial policy.
@@ -77,34 +79,39 @@ pub enum StiffnessKind {
 
 /// How far one unit of noise alters the demonstration; 0 leaves a direction out.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct ExplorationConfig {
+    /// Which directions the search explores.
     pub kind: ExplorationKind,
-    /// Growth of the position's excursion from the start, relative.
+    /// Relative growth of the position's excursion from the start.
     pub position_amplitude: f64,
-    /// Growth of the rotation's excursion from the start, relative.
+    /// Relative growth of the rotation's excursion from the start.
     pub rotation_amplitude: f64,
-    /// Offset along x, y and z at the peak, m: three directions.
+    /// Offset along x, y and z at the peak: three directions.
     pub peak_offset_m: [f64; 3],
-    /// Advance of the peak, s.
+    /// Advance of the peak.
     pub tempo_s: f64,
-    /// Lag of the rotation behind the position, s.
+    /// Lag of the rotation behind the position.
     pub rotation_lag_s: f64,
-    /// The position's amplitude is first increased, as a slow demonstration needs.
+    /// Whether the position's amplitude is increased first, as a slow demonstration needs.
     #[serde(default)]
     pub grows: bool,
+    /// Which stiffnesses are explored.
     #[serde(default)]
     pub stiffness: StiffnessKind,
-    /// Change of log K of the position and of the rotation: `uniform` and `components`.
+    /// Change of log K of the position, for `uniform` and `components`.
     pub position_log_stiffness: f64,
+    /// Change of log K of the rotation, for `uniform` and `components`.
     pub rotation_log_stiffness: f64,
-    /// Change of log K before and after the peak: `phases` and `full`.
+    /// Change of log K before the peak, for `phases` and `full`.
     pub before_log_stiffness: f64,
+    /// Change of log K after the peak, for `phases` and `full`.
     pub after_log_stiffness: f64,
-    /// Change of an off-diagonal entry of log K: `full`.
+    /// Change of an off-diagonal entry of log K, for `full`.
     pub coupling_log_stiffness: f64,
-    /// How far beyond those of the demonstration an attractor may lie, m; weak, far springs else stand
-    /// in for stiff, near ones.
+    /// How far beyond the demonstration's attractors an attractor may lie; otherwise weak springs to far attractors
+    /// replace stiff ones to near attractors.
     #[serde(default = "far")]
     pub attractor_reach_m: f64,
 }
@@ -139,19 +146,19 @@ impl ExplorationConfig {
     /// Settings and their ranges.
     pub fn ranges(&self) -> Vec<Range> {
         vec![
-            range("position_amplitude", self.position_amplitude, 0.0, 10.0),
-            range("rotation_amplitude", self.rotation_amplitude, 0.0, 10.0),
-            range("peak_offset_m[0]", self.peak_offset_m[0], 0.0, 1.0),
-            range("peak_offset_m[1]", self.peak_offset_m[1], 0.0, 1.0),
-            range("peak_offset_m[2]", self.peak_offset_m[2], 0.0, 1.0),
-            range("tempo_s", self.tempo_s, 0.0, 10.0),
-            range("rotation_lag_s", self.rotation_lag_s, 0.0, 10.0),
-            range("position_log_stiffness", self.position_log_stiffness, 0.0, 3.0),
-            range("rotation_log_stiffness", self.rotation_log_stiffness, 0.0, 3.0),
-            range("before_log_stiffness", self.before_log_stiffness, 0.0, 3.0),
-            range("after_log_stiffness", self.after_log_stiffness, 0.0, 3.0),
-            range("coupling_log_stiffness", self.coupling_log_stiffness, 0.0, 3.0),
-            range("attractor_reach_m", self.attractor_reach_m, 0.0, ATTRACTOR_MAX),
+            range("position_amplitude", self.position_amplitude, 0.0, 10.0, "1"),
+            range("rotation_amplitude", self.rotation_amplitude, 0.0, 10.0, "1"),
+            range("peak_offset_m[0]", self.peak_offset_m[0], 0.0, 1.0, "m"),
+            range("peak_offset_m[1]", self.peak_offset_m[1], 0.0, 1.0, "m"),
+            range("peak_offset_m[2]", self.peak_offset_m[2], 0.0, 1.0, "m"),
+            range("tempo_s", self.tempo_s, 0.0, 10.0, "s"),
+            range("rotation_lag_s", self.rotation_lag_s, 0.0, 10.0, "s"),
+            range("position_log_stiffness", self.position_log_stiffness, 0.0, 3.0, "1"),
+            range("rotation_log_stiffness", self.rotation_log_stiffness, 0.0, 3.0, "1"),
+            range("before_log_stiffness", self.before_log_stiffness, 0.0, 3.0, "1"),
+            range("after_log_stiffness", self.after_log_stiffness, 0.0, 3.0, "1"),
+            range("coupling_log_stiffness", self.coupling_log_stiffness, 0.0, 3.0, "1"),
+            range("attractor_reach_m", self.attractor_reach_m, 0.0, ATTRACTOR_MAX, "m"),
         ]
     }
 }

@@ -9,6 +9,7 @@ use search::trial::Trial;
 
 /// Which mode is exported and activated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Prefer {
     /// The one with the best trial.

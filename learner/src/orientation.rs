@@ -17,6 +17,7 @@ const LONGEST_RAD: f64 = 90.0;
 
 /// How a session sees orientations.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Orientation {
     /// Three more coordinates, which stay well within half a turn.

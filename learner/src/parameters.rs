@@ -10,6 +10,7 @@ use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use search::Bounds;
+use search::range::range;
 use serde::{Deserialize, Serialize};
 use shm_types::policy::{Component, PolicyMsg, PolicyMsgError, packed_index};
 use thiserror::Error;
@@ -29,11 +30,12 @@ pub(crate) const N_POSITIONS: usize = 3;
 
 /// One unit of θ in physical units (the rescaling of the paper's footnote 1).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct Scales {
-    /// Attractor position, m.
+    /// Position of an attractor.
     pub position_m: f64,
-    /// Attractor angle, rad.
+    /// Angle of an attractor.
     pub angle_rad: f64,
     /// Entries of log K.
     pub log_stiffness: f64,
@@ -46,6 +48,15 @@ impl Default for Scales {
 }
 
 impl Scales {
+    /// Settings and their ranges.
+    pub fn ranges(&self) -> [search::range::Range; 3] {
+        [
+            range("position_m", self.position_m, 1e-4, 1.0, "m"),
+            range("angle_rad", self.angle_rad, 1e-4, 3.0, "rad"),
+            range("log_stiffness", self.log_stiffness, 1e-4, 3.0, "1"),
+        ]
+    }
+
     /// The scale of entry `coordinate` of an attractor, m or rad.
     pub fn attractor(&self, coordinate: usize) -> f64 {
         if coordinate < N_POSITIONS { self.position_m } else { self.angle_rad }

@@ -12,17 +12,18 @@ pub const BEST: f64 = 10.0;
 
 /// `[learner.people]`: the weight of ratings, and when the learner asks people.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct PeopleConfig {
-    /// w, the share of ratings in a reward: 0 uses none, 1 uses only ratings.
+    /// Weight w of ratings in a reward: 0 uses none, 1 uses only ratings.
     pub weight: f64,
-    /// Learning waits for the rating of each rollout.
+    /// Whether learning waits for the rating of each rollout.
     pub wait: bool,
     /// Reward of the best rating, on the scale of the task's reward.
     pub full_marks: f64,
     /// With w = 1, a rollout with this rating or better is a success.
     pub success_from: f64,
-    /// σ of ratings, the standard deviation of their errors in units of that of ratings without errors: `power` ranks
+    /// Standard deviation of the ratings' errors in units of that of ratings without errors: `power` ranks
     /// its elites by their neighbours' ratings as well. 0 takes every rating as exact.
     #[serde(default = "exact")]
     pub noise: f64,
@@ -53,11 +54,11 @@ impl PeopleConfig {
     /// Settings and their ranges.
     pub fn ranges(&self) -> [Range; 5] {
         [
-            range("weight", self.weight, 0.0, 1.0),
-            range("full_marks", self.full_marks, 1e-6, 1e6),
-            range("success_from", self.success_from, 0.0, BEST),
-            range("noise", self.noise, 0.0, 100.0),
-            range("ask_after", self.ask_after as f64, 0.0, 100_000.0),
+            range("weight", self.weight, 0.0, 1.0, "1"),
+            range("full_marks", self.full_marks, 1e-6, 1e6, "1"),
+            range("success_from", self.success_from, 0.0, BEST, "1"),
+            range("noise", self.noise, 0.0, 100.0, "1"),
+            range("ask_after", self.ask_after as f64, 0.0, 100_000.0, "1"),
         ]
     }
 

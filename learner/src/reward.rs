@@ -27,6 +27,7 @@ const CATCH_MEASURES: [&str; 8] = [
 
 /// Which reward function judges the rollouts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum RewardKind {
     /// Sec. 3.1.
@@ -52,38 +53,47 @@ impl RewardKind {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct RewardConfig {
+    /// Reward function that judges the rollouts.
     pub kind: RewardKind,
-    /// Weights of flip angle, catch distance and height in the paper's reward.
+    /// Weight of the flip angle in the paper's reward.
     pub w1: f64,
+    /// Weight of the catch distance in the paper's reward.
     pub w2: f64,
+    /// Weight of the height in the paper's reward.
     pub w3: f64,
-    /// λ of `distance`, 1/m.
+    /// Rate λ at which the reward of `distance` falls.
     pub lambda: f64,
-    /// The catch reward.
+    /// The catch reward: a weight for each term, and its scale.
     pub catch: CatchConfig,
 }
 
 /// Weights of the catch reward, and the scale of each of its terms.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct CatchConfig {
-    /// Weight of the height, 1/m, and the height above which there is no further reward, m.
+    /// Weight of the height.
     pub height: f64,
+    /// Height above which there is no further reward.
     pub height_max_m: f64,
+    /// Weight of the flip angle.
     pub angle: f64,
     /// Weight of a pancake over the middle of the pan at the crossing.
     pub aim: f64,
-    /// Weights of a pancake caught upside down in the middle of the pan, without bouncing, and without a
-    /// torque at its limit.
+    /// Weight of a pancake caught upside down in the middle of the pan.
     pub catch: f64,
+    /// Weight of a catch without bouncing.
     pub calm: f64,
+    /// Weight of a catch without a torque at its limit.
     pub ease: f64,
-    /// Lateral distance, m, bouncing, s, and share of clipped ticks at which the terms above have
-    /// fallen to 1/e.
+    /// Lateral distance at which `aim` and `catch` have fallen to 1/e.
     pub lateral_m: f64,
+    /// Bouncing at which `calm` has fallen to 1/e.
     pub bounce_s: f64,
+    /// Share of clipped ticks at which `ease` has fallen to 1/e.
     pub clipped_share: f64,
 }
 
@@ -116,20 +126,20 @@ impl RewardConfig {
     pub fn ranges(&self) -> Vec<Range> {
         let catch = &self.catch;
         vec![
-            range("w1", self.w1, 0.0, 100.0),
-            range("w2", self.w2, 0.0, 100.0),
-            range("w3", self.w3, 0.0, 100.0),
-            range("lambda", self.lambda, 0.0, 1e3),
-            range("catch.height", catch.height, 0.0, 100.0),
-            range("catch.height_max_m", catch.height_max_m, 0.0, 100.0),
-            range("catch.angle", catch.angle, 0.0, 100.0),
-            range("catch.aim", catch.aim, 0.0, 100.0),
-            range("catch.catch", catch.catch, 0.0, 100.0),
-            range("catch.calm", catch.calm, 0.0, 100.0),
-            range("catch.ease", catch.ease, 0.0, 100.0),
-            range("catch.lateral_m", catch.lateral_m, 1e-3, 10.0),
-            range("catch.bounce_s", catch.bounce_s, 1e-3, 10.0),
-            range("catch.clipped_share", catch.clipped_share, 1e-3, 10.0),
+            range("w1", self.w1, 0.0, 100.0, "1"),
+            range("w2", self.w2, 0.0, 100.0, "1"),
+            range("w3", self.w3, 0.0, 100.0, "1"),
+            range("lambda", self.lambda, 0.0, 1e3, "m⁻¹"),
+            range("catch.height", catch.height, 0.0, 100.0, "m⁻¹"),
+            range("catch.height_max_m", catch.height_max_m, 0.0, 100.0, "m"),
+            range("catch.angle", catch.angle, 0.0, 100.0, "1"),
+            range("catch.aim", catch.aim, 0.0, 100.0, "1"),
+            range("catch.catch", catch.catch, 0.0, 100.0, "1"),
+            range("catch.calm", catch.calm, 0.0, 100.0, "1"),
+            range("catch.ease", catch.ease, 0.0, 100.0, "1"),
+            range("catch.lateral_m", catch.lateral_m, 1e-3, 10.0, "m"),
+            range("catch.bounce_s", catch.bounce_s, 1e-3, 10.0, "s"),
+            range("catch.clipped_share", catch.clipped_share, 1e-3, 10.0, "1"),
         ]
     }
 

@@ -17,23 +17,24 @@ use crate::trial::{Proposal, Trial};
 
 /// Settings; variances in squared units of θ.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct Algorithm1Config {
-    /// M, the elites of each component; 0 for all trials.
+    /// Number of elites M of each component; 0 for all trials.
     pub n_elites: usize,
-    /// Trials before the first update: it follows the last of them.
+    /// Trials before the first update, which follows the last of them.
     pub n_initial: usize,
-    /// The mixture begins as 𝒩(θ₀, initial_variance·I).
+    /// Variance of the initial mixture 𝒩(θ₀, `initial_variance`·I).
     pub initial_variance: f64,
-    /// Σ₀ = floor_variance·I.
+    /// Exploration floor Σ₀ = `floor_variance`·I.
     pub floor_variance: f64,
     /// Steps of Eq. (7) after each trial.
     pub em_steps: usize,
-    /// Tˢ: a split has to raise the weighted log-likelihood by more.
+    /// Threshold Tˢ: a split must raise the weighted log-likelihood by more.
     pub split_threshold: f64,
-    /// Tᴹ: a merge has to lower it by less.
+    /// Threshold Tᴹ: a merge must lower the weighted log-likelihood by less.
     pub merge_threshold: f64,
-    /// K never exceeds it.
+    /// Largest number of components K.
     pub max_components: usize,
 }
 
@@ -56,14 +57,14 @@ impl Algorithm1Config {
     /// Settings and their ranges.
     pub fn ranges(&self) -> Vec<Range> {
         vec![
-            range("n_elites", self.n_elites as f64, 0.0, 1e4),
-            range("n_initial", self.n_initial as f64, 1.0, 1e4),
-            range("initial_variance", self.initial_variance, 0.0, 1e6),
-            range("floor_variance", self.floor_variance, 0.0, 1e6),
-            range("em_steps", self.em_steps as f64, 1.0, 100.0),
-            range("split_threshold", self.split_threshold, 0.0, 1e3),
-            range("merge_threshold", self.merge_threshold, 0.0, 1e3),
-            range("max_components", self.max_components as f64, 1.0, 100.0),
+            range("n_elites", self.n_elites as f64, 0.0, 1e4, "1"),
+            range("n_initial", self.n_initial as f64, 1.0, 1e4, "1"),
+            range("initial_variance", self.initial_variance, 0.0, 1e6, "1"),
+            range("floor_variance", self.floor_variance, 0.0, 1e6, "1"),
+            range("em_steps", self.em_steps as f64, 1.0, 100.0, "1"),
+            range("split_threshold", self.split_threshold, 0.0, 1e3, "1"),
+            range("merge_threshold", self.merge_threshold, 0.0, 1e3, "1"),
+            range("max_components", self.max_components as f64, 1.0, 100.0, "1"),
         ]
     }
 }

@@ -17,18 +17,20 @@ use super::{RewardError, Search, SearchSnapshot, Space, rewards};
 use crate::range::{Range, range};
 use crate::trial::{Proposal, Trial};
 
-/// The settings all batch searches have; standard deviations in units of θ.
+/// Batches of trials, and the exploration floor.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct BatchConfig {
-    /// Trials an update is computed from.
+    /// Trials per update.
     pub size: usize,
+    /// Standard deviation before the first update, in units of θ.
     pub initial_std: f64,
-    /// Exploration floor at the first update.
+    /// Exploration floor at the first update, in units of θ.
     pub floor_std: f64,
     /// Factor on the floor per update; 1 keeps it.
     pub floor_decay: f64,
-    /// Where the decay of the floor ends.
+    /// Lowest exploration floor, at most `floor_std`.
     pub floor_min: f64,
 }
 
@@ -48,11 +50,11 @@ impl BatchConfig {
     /// Settings and their ranges, as fields of the table `batch`.
     pub fn ranges(&self) -> Vec<Range> {
         vec![
-            range("batch.size", self.size as f64, 2.0, 1e4),
-            range("batch.initial_std", self.initial_std, 1e-9, 1e6),
-            range("batch.floor_std", self.floor_std, 1e-9, 1e6),
-            range("batch.floor_decay", self.floor_decay, 0.1, 1.0),
-            range("batch.floor_min", self.floor_min, 1e-9, self.floor_std),
+            range("batch.size", self.size as f64, 2.0, 1e4, "1"),
+            range("batch.initial_std", self.initial_std, 1e-9, 1e6, "1"),
+            range("batch.floor_std", self.floor_std, 1e-9, 1e6, "1"),
+            range("batch.floor_decay", self.floor_decay, 0.1, 1.0, "1"),
+            range("batch.floor_min", self.floor_min, 1e-9, 1e6, "1").up_to(self.floor_std),
         ]
     }
 

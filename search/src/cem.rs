@@ -10,10 +10,12 @@ use crate::range::{Range, range};
 use crate::trial::Trial;
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct CemConfig {
-    /// E, the best trials of a batch; not more than there are.
+    /// Number of elites: the best trials of a batch, at most `batch.size`.
     pub n_elites: usize,
+    /// Batches of trials, and the exploration floor.
     pub batch: BatchConfig,
 }
 
@@ -27,8 +29,9 @@ impl Default for CemConfig {
 impl CemConfig {
     /// Settings and their ranges.
     pub fn ranges(&self) -> Vec<Range> {
-        let n_elites = range("n_elites", self.n_elites as f64, 1.0, self.batch.size as f64);
-        [vec![n_elites], self.batch.ranges()].concat()
+        let n_elites = range("n_elites", self.n_elites as f64, 1.0, 1e4, "1");
+        // The batch first: its size limits the elites.
+        [self.batch.ranges(), vec![n_elites.up_to(self.batch.size as f64)]].concat()
     }
 }
 

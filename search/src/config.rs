@@ -15,10 +15,11 @@ use super::reinforce::ReinforceConfig;
 use super::rewards::RewardMap;
 use super::rwr::RwrConfig;
 use super::tempered::TemperedConfig;
-use crate::range::{ConfigError, check};
+use crate::range::{ConfigError, Range, check, inside};
 
 /// Which search proposes the policies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Method {
     /// PoWER with covariance adaptation, Eqs. (1) and (6).
@@ -55,21 +56,36 @@ impl Method {
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct SearchConfig {
+    /// The search that proposes policies; it uses the table of its name.
     pub method: Method,
+    /// Mapping from rewards to what the search sees; the session keeps the rewards themselves.
     pub reward_map: RewardMap,
+    /// PoWER with covariance adaptation.
     pub power: PowerConfig,
+    /// Search that aims at windows of measures.
     pub aim: AimConfig,
+    /// Random search.
     pub random: RandomConfig,
+    /// Cross-entropy method.
     pub cem: CemConfig,
+    /// PI² with covariance adaptation.
     pub pi2: Pi2Config,
+    /// Reward-weighted regression.
     pub rwr: RwrConfig,
+    /// REINFORCE with a baseline.
     pub reinforce: ReinforceConfig,
+    /// Episodic natural actor critic.
     pub enac: EnacConfig,
+    /// Niching search for all optima.
     pub niching: NichingConfig,
+    /// Search for all regions of high reward.
     pub regions: RegionsConfig,
+    /// Mixture search as printed, Algorithm 1.
     pub algorithm1: Algorithm1Config,
+    /// Tempered mixture search.
     pub tempered: TemperedConfig,
 }
 
@@ -95,21 +111,30 @@ impl Default for SearchConfig {
 }
 
 impl SearchConfig {
+    /// Every setting with its range, as fields of the table `search`.
+    pub fn ranges(&self) -> Vec<Range> {
+        [
+            inside("reward_map.", self.reward_map.ranges()),
+            inside("power.", self.power.ranges()),
+            inside("aim.", self.aim.ranges()),
+            inside("random.", self.random.ranges()),
+            inside("cem.", self.cem.ranges()),
+            inside("pi2.", self.pi2.ranges()),
+            inside("rwr.", self.rwr.ranges()),
+            inside("reinforce.", self.reinforce.ranges()),
+            inside("enac.", self.enac.ranges()),
+            inside("niching.", self.niching.ranges()),
+            inside("regions.", self.regions.ranges()),
+            inside("algorithm1.", self.algorithm1.ranges()),
+            inside("tempered.", self.tempered.ranges()),
+        ]
+        .concat()
+    }
+
     /// Every field within its range.
     pub fn validate(&self) -> Result<(), ConfigError> {
-        check("search.reward_map.", &self.reward_map.ranges())?;
-        check("search.power.", &self.power.ranges())?;
         self.aim.validate()?;
-        check("search.random.", &self.random.ranges())?;
-        check("search.cem.", &self.cem.ranges())?;
-        check("search.pi2.", &self.pi2.ranges())?;
-        check("search.rwr.", &self.rwr.ranges())?;
-        check("search.reinforce.", &self.reinforce.ranges())?;
-        check("search.enac.", &self.enac.ranges())?;
-        check("search.niching.", &self.niching.ranges())?;
-        check("search.regions.", &self.regions.ranges())?;
-        check("search.algorithm1.", &self.algorithm1.ranges())?;
-        check("search.tempered.", &self.tempered.ranges())?;
+        check("search.", &self.ranges())?;
         if self.method == Method::Aim {
             self.aim.validate_in_use()?;
         }

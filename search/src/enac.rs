@@ -13,11 +13,14 @@ use crate::range::{Range, range};
 use crate::trial::Trial;
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct EnacConfig {
-    /// λ of the ridge: with fewer trials than 2D + 1 unknowns it is what makes w unique.
+    /// Ridge λ of the regression; with fewer trials than 2D + 1 unknowns it makes the solution unique.
     pub ridge: f64,
+    /// Sizes of the steps.
     pub step: StepConfig,
+    /// Batches of trials, and the exploration floor.
     pub batch: BatchConfig,
 }
 
@@ -30,7 +33,7 @@ impl Default for EnacConfig {
 impl EnacConfig {
     /// Settings and their ranges.
     pub fn ranges(&self) -> Vec<Range> {
-        let ridge = range("ridge", self.ridge, 1e-6, 1e6);
+        let ridge = range("ridge", self.ridge, 1e-6, 1e6, "1");
         [vec![ridge], self.step.ranges(), self.batch.ranges()].concat()
     }
 }

@@ -15,11 +15,12 @@ const MAX_STD: f64 = 1e6;
 
 /// Sizes of the steps.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct StepConfig {
     /// Factor on the step of the mean, in standard deviations.
     pub mean: f64,
-    /// Factor on the step of ln s.
+    /// Factor on the step of the logarithms of the standard deviations.
     pub log_std: f64,
 }
 
@@ -32,7 +33,10 @@ impl Default for StepConfig {
 impl StepConfig {
     /// Settings and their ranges, as fields of the table `step`.
     pub fn ranges(&self) -> Vec<Range> {
-        vec![range("step.mean", self.mean, 0.0, 1e3), range("step.log_std", self.log_std, 0.0, 1e3)]
+        vec![
+            range("step.mean", self.mean, 0.0, 1e3, "1"),
+            range("step.log_std", self.log_std, 0.0, 1e3, "1"),
+        ]
     }
 
     /// μ + step·s∘`mean` and ln s + step·`log_std`, with s kept above `floor`.

@@ -11,10 +11,12 @@ use crate::range::{Range, range};
 use crate::trial::Trial;
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct Pi2Config {
-    /// h: the best trial of a batch weighs exp(h) times what the worst does.
+    /// Greediness h: the best trial of a batch weighs exp(h) times as much as the worst.
     pub greediness: f64,
+    /// Batches of trials, and the exploration floor.
     pub batch: BatchConfig,
 }
 
@@ -27,7 +29,7 @@ impl Default for Pi2Config {
 impl Pi2Config {
     /// Settings and their ranges.
     pub fn ranges(&self) -> Vec<Range> {
-        [vec![range("greediness", self.greediness, 0.0, 700.0)], self.batch.ranges()].concat()
+        [vec![range("greediness", self.greediness, 0.0, 700.0, "1")], self.batch.ranges()].concat()
     }
 }
 

@@ -33,6 +33,7 @@ use crate::trial::{Proposal, Trial};
 
 /// Which trials Eqs. (1) and (6) are computed from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Elites {
     /// The best of all.
@@ -43,6 +44,7 @@ pub enum Elites {
 
 /// What an elite weighs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Weights {
     /// Its reward, as in Eqs. (1) and (6).
@@ -53,6 +55,7 @@ pub enum Weights {
 
 /// About which mean the scatter of successful elites is taken; any other is about the old one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Scatter {
     /// Θ⁽ⁿ⁻¹⁾, as printed in Eq. (6): a step of the mean widens the next distribution.
@@ -63,52 +66,53 @@ pub enum Scatter {
 
 /// Settings; standard deviations in scaled units.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct PowerConfig {
-    /// M, the trials Eqs. (1) and (6) are computed from.
+    /// Number of elites M: the trials Eqs. (1) and (6) are computed from.
     pub n_elites: usize,
+    /// Which trials may be elites.
     pub elites: Elites,
-    /// One success may be luck, and its neighbourhood barren: it takes so many, at most
-    /// `n_elites`, to follow them.
+    /// Successes needed before the elites are successes only, at most `n_elites`; a single success may be luck.
     pub min_successes: usize,
+    /// Weight of an elite.
     pub weights: Weights,
+    /// Mean about which the scatter of successful elites is taken.
     pub scatter: Scatter,
-    /// Only the last so many trials may be elites; 0 for all. Where outcomes are noisy, a lucky
-    /// elite must not stay for ever.
+    /// Only this many of the latest trials may be elites; 0 for all. With noisy rewards, old elites were often lucky.
     pub memory: u64,
-    /// σ, the standard deviation of what in a reward does not repeat, in units of that of the rest: elites are ranked
-    /// by their neighbours' rewards as well. 0 for rewards that are taken as they are.
+    /// Standard deviation of the reward's noise in units of that of its repeatable part: elites are ranked by their
+    /// neighbours' rewards as well. 0 takes rewards as exact.
     #[serde(default = "exact")]
     pub noise: f64,
-    /// Rollouts drawn around θ₀ before the first update (after rollout 1, which is θ₀).
+    /// Rollouts drawn around θ₀ before the first update, after rollout 1, which is θ₀.
     pub n_initial: u64,
+    /// Standard deviation of these first draws, in scaled units.
     pub initial_std: f64,
-    /// Exploration floor: Σ₀ = floor_std²·I.
+    /// Exploration floor at the start: Σ₀ = `floor_std`²·I, in scaled units.
     pub floor_std: f64,
-    /// Factor on the floor per rollout, or, where successes are the elites, per success: a search
-    /// that does not succeed must not settle. 1 keeps the floor.
+    /// Factor on the floor per rollout, or per success where successes are the elites; 1 keeps the floor.
     pub floor_decay: f64,
-    /// Where the decay of the floor ends.
+    /// Lowest exploration floor, at most `floor_std`.
     pub floor_min: f64,
-    /// In the phase of successes every so many rollouts the mean itself, so that its floor falls where
-    /// the mean is good and the draws around it are not; 0 for never.
+    /// Once successes are the elites, every so many rollouts the mean itself is executed; 0 for never.
     #[serde(default = "never")]
     pub mean_every: u64,
-    /// In the phase of successes, after a success, so many draws, of which the one with the highest
-    /// known reward is executed; 1 for a plain draw.
+    /// Draws after a success, of which the one with the highest known reward, such as compliance, is executed; 1 for
+    /// a plain draw.
     #[serde(default = "one")]
     pub candidates: usize,
-    /// In the phase of successes the noise is scaled so that this share of draws succeeds; 0 for noise as it
-    /// comes.
+    /// Once successes are the elites, the noise is scaled so that this share of draws succeeds; 0 does not scale it.
     #[serde(default = "as_it_comes")]
     pub success_rate: f64,
-    /// When the mean fails that is executed now and then, half of the successes are left to learn from, and
-    /// one more with every mean that succeeds: around a place that is none there are successes too.
+    /// Whether a failure of the executed mean halves the number of elites; each mean that succeeds adds one again.
     #[serde(default)]
     pub fewer_elites: bool,
-    /// The floor of directions that open late, from their opening on.
+    /// Floor of directions that open after the first successes, such as stiffness, when they open.
     pub late_std: f64,
+    /// Factor on that floor per success.
     pub late_decay: f64,
+    /// Lowest floor of those directions, at most `late_std`.
     pub late_min: f64,
 }
 
@@ -159,21 +163,21 @@ impl PowerConfig {
     /// Settings and their ranges.
     pub fn ranges(&self) -> Vec<Range> {
         vec![
-            range("n_elites", self.n_elites as f64, 1.0, 1e4),
-            range("min_successes", self.min_successes as f64, 1.0, 1e4),
-            range("memory", self.memory as f64, 0.0, 1e6),
-            range("noise", self.noise, 0.0, 100.0),
-            range("n_initial", self.n_initial as f64, 0.0, 1e4),
-            range("initial_std", self.initial_std, 0.0, 100.0),
-            range("floor_std", self.floor_std, 0.0, 100.0),
-            range("floor_decay", self.floor_decay, 0.5, 1.0),
-            range("floor_min", self.floor_min, 0.0, self.floor_std),
-            range("mean_every", self.mean_every as f64, 0.0, 1e6),
-            range("candidates", self.candidates as f64, 1.0, 1e3),
-            range("success_rate", self.success_rate, 0.0, 0.99),
-            range("late_std", self.late_std, 0.0, 100.0),
-            range("late_decay", self.late_decay, 0.5, 1.0),
-            range("late_min", self.late_min, 0.0, self.late_std),
+            range("n_elites", self.n_elites as f64, 1.0, 1e4, "1"),
+            range("min_successes", self.min_successes as f64, 1.0, 1e4, "1"),
+            range("memory", self.memory as f64, 0.0, 1e6, "1"),
+            range("noise", self.noise, 0.0, 100.0, "1"),
+            range("n_initial", self.n_initial as f64, 0.0, 1e4, "1"),
+            range("initial_std", self.initial_std, 0.0, 100.0, "1"),
+            range("floor_std", self.floor_std, 0.0, 100.0, "1"),
+            range("floor_decay", self.floor_decay, 0.5, 1.0, "1"),
+            range("floor_min", self.floor_min, 0.0, 100.0, "1").up_to(self.floor_std),
+            range("mean_every", self.mean_every as f64, 0.0, 1e6, "1"),
+            range("candidates", self.candidates as f64, 1.0, 1e3, "1"),
+            range("success_rate", self.success_rate, 0.0, 0.99, "1"),
+            range("late_std", self.late_std, 0.0, 100.0, "1"),
+            range("late_decay", self.late_decay, 0.5, 1.0, "1"),
+            range("late_min", self.late_min, 0.0, 100.0, "1").up_to(self.late_std),
         ]
     }
 }

@@ -12,9 +12,10 @@ use crate::range::{Range, range};
 use crate::trial::{Proposal, Trial};
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct RandomConfig {
-    /// σ in scaled units, where no box is known.
+    /// Standard deviation around θ₀ in scaled units, where no box is known.
     pub std: f64,
 }
 
@@ -27,7 +28,7 @@ impl Default for RandomConfig {
 impl RandomConfig {
     /// Settings and their ranges.
     pub fn ranges(&self) -> Vec<Range> {
-        vec![range("std", self.std, 0.0, 100.0)]
+        vec![range("std", self.std, 0.0, 100.0, "1")]
     }
 }
 

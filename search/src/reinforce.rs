@@ -13,9 +13,12 @@ use crate::range::Range;
 use crate::trial::Trial;
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct ReinforceConfig {
+    /// Sizes of the steps.
     pub step: StepConfig,
+    /// Batches of trials, and the exploration floor.
     pub batch: BatchConfig,
 }
 

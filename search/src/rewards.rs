@@ -14,6 +14,7 @@ use crate::trial::{Proposal, Trial};
 
 /// How rewards become what the search is told; the session keeps them as they are.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum RewardMap {
     /// r.
@@ -30,8 +31,8 @@ impl RewardMap {
     pub fn ranges(&self) -> Vec<Range> {
         match *self {
             RewardMap::None => Vec::new(),
-            RewardMap::Shift(shift) => vec![range("shift", shift, 0.0, 1e12)],
-            RewardMap::Exp(scale) => vec![range("exp", scale, 1e-12, 1e12)],
+            RewardMap::Shift(shift) => vec![range("shift", shift, 0.0, 1e12, "1")],
+            RewardMap::Exp(scale) => vec![range("exp", scale, 1e-12, 1e12, "1")],
         }
     }
 

@@ -12,10 +12,12 @@ use crate::range::{Range, range};
 use crate::trial::Trial;
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct RwrConfig {
-    /// τ; 1 weighs with the reward itself.
+    /// Exponent τ of the weights: a trial weighs (r/best)^τ; 1 weighs by the reward itself.
     pub tau: f64,
+    /// Batches of trials, and the exploration floor.
     pub batch: BatchConfig,
 }
 
@@ -28,7 +30,7 @@ impl Default for RwrConfig {
 impl RwrConfig {
     /// Settings and their ranges.
     pub fn ranges(&self) -> Vec<Range> {
-        [vec![range("tau", self.tau, 1e-3, 1e3)], self.batch.ranges()].concat()
+        [vec![range("tau", self.tau, 1e-3, 1e3, "1")], self.batch.ranges()].concat()
     }
 }
 

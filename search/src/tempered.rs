@@ -47,31 +47,34 @@ const MIN_WEIGHT: f64 = 1e-5;
 
 /// Settings; standard deviations in units of θ.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct TemperedConfig {
-    /// Trials until β and the share of wide draws have reached their ends.
+    /// Trials until β and the share of wide draws have reached their final values.
     pub horizon: u64,
-    /// Trials before the first update: it follows the last of them.
+    /// Trials before the first update, which follows the last of them.
     pub n_initial: u64,
-    /// The mixture begins as 𝒩(θ₀, initial_std²·I).
+    /// Standard deviation of the initial mixture 𝒩(θ₀, `initial_std`²·I).
     pub initial_std: f64,
-    /// Σ₀ = floor_std²·I.
+    /// Exploration floor Σ₀ = `floor_std`²·I.
     pub floor_std: f64,
-    /// Trials that the initial covariance counts as in every later one.
+    /// Number of trials that the initial covariance counts as in later ones.
     pub pseudo_count: f64,
-    /// β of the first and of the last trials.
+    /// Inverse temperature β of the first trials.
     pub beta_start: f64,
+    /// Inverse temperature β of the last trials.
     pub beta_end: f64,
-    /// Share of wide draws among the first and among the last trials.
+    /// Share of wide draws among the first trials.
     pub wide_start: f64,
+    /// Share of wide draws among the last trials.
     pub wide_end: f64,
-    /// By how much the volume of a wide draw's ellipsoid exceeds that of Σᵢ.
+    /// Volume of a wide draw's ellipsoid relative to that of Σᵢ.
     pub wide_volume: f64,
     /// Draws of which the most novel is proposed.
     pub n_candidates: usize,
-    /// K never exceeds it.
+    /// Largest number of components K.
     pub max_components: usize,
-    /// Trials until one is forgotten, for rewards that drift; 0 for never.
+    /// Trials after which one is forgotten, for rewards that drift; 0 for never.
     pub memory: u64,
 }
 
@@ -99,19 +102,19 @@ impl TemperedConfig {
     /// Settings and their ranges.
     pub fn ranges(&self) -> Vec<Range> {
         vec![
-            range("horizon", self.horizon as f64, 1.0, 1e6),
-            range("n_initial", self.n_initial as f64, 1.0, 1e4),
-            range("initial_std", self.initial_std, 1e-9, 1e6),
-            range("floor_std", self.floor_std, 0.0, 1e6),
-            range("pseudo_count", self.pseudo_count, 0.0, 1e3),
-            range("beta_start", self.beta_start, 1e-3, 100.0),
-            range("beta_end", self.beta_end, 1e-3, 100.0),
-            range("wide_start", self.wide_start, 0.0, 1.0),
-            range("wide_end", self.wide_end, 0.0, 1.0),
-            range("wide_volume", self.wide_volume, 1.0, 1e6),
-            range("n_candidates", self.n_candidates as f64, 1.0, 1e3),
-            range("max_components", self.max_components as f64, 1.0, 100.0),
-            range("memory", self.memory as f64, 0.0, 1e6),
+            range("horizon", self.horizon as f64, 1.0, 1e6, "1"),
+            range("n_initial", self.n_initial as f64, 1.0, 1e4, "1"),
+            range("initial_std", self.initial_std, 1e-9, 1e6, "1"),
+            range("floor_std", self.floor_std, 0.0, 1e6, "1"),
+            range("pseudo_count", self.pseudo_count, 0.0, 1e3, "1"),
+            range("beta_start", self.beta_start, 1e-3, 100.0, "1"),
+            range("beta_end", self.beta_end, 1e-3, 100.0, "1"),
+            range("wide_start", self.wide_start, 0.0, 1.0, "1"),
+            range("wide_end", self.wide_end, 0.0, 1.0, "1"),
+            range("wide_volume", self.wide_volume, 1.0, 1e6, "1"),
+            range("n_candidates", self.n_candidates as f64, 1.0, 1e3, "1"),
+            range("max_components", self.max_components as f64, 1.0, 100.0, "1"),
+            range("memory", self.memory as f64, 0.0, 1e6, "1"),
         ]
     }
 

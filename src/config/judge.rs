@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
+use schemars::JsonSchema;
+use search::range::{Range, range};
 use serde::{Deserialize, Serialize};
 use shm_types::measures::TRUTH;
 
@@ -14,26 +16,28 @@ pub const SUCCESS: &str = "success";
 const MIN_TIMEOUT_S: f64 = 0.001;
 const MAX_TIMEOUT_S: f64 = 86_400.0;
 
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct JudgeConfig {
-    /// `1.5*min(apex_m, 0.55) + flip_angle_rad/pi`; with a program, the default is its measure `reward`.
+    /// Reward as an expression over the measures, such as `1.5*min(apex_m, 0.55) + flip_angle_rad/pi`. Default: the
+    /// measure `reward` of the program.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reward: Option<String>,
-    /// `caught and flip_angle_rad > 2.5`; with a program, the default is its measure `success`. Without
-    /// either, only the reward distinguishes rollouts.
+    /// Success as an expression over the measures, such as `caught and flip_angle_rad > 2.5`. Default: the measure
+    /// `success` of the program; without one, only the reward distinguishes rollouts.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub success: Option<String>,
-    /// Program and arguments: a child process of the learner that judges every rollout.
+    /// Program and arguments: a child process of the learner that judges every rollout. Default: none.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub program: Vec<String>,
     /// Working folder of the program. Default: that of the configuration file, or of `--judge`.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("format" = "path"))]
     pub directory: Option<PathBuf>,
-    /// Longest time for a reply of the program, s; the first one includes its start.
+    /// Longest time for a reply of the program; the first one includes its start. Default: 10.
     #[serde(skip_serializing_if = "is_usual_timeout")]
     pub timeout_s: f64,
-    /// The program's measures besides reward and success: names with their units, such as `gap_m = "m"`.
+    /// The program's measures besides reward and success: names with their units, such as `gap_m = "m"`. Default: none.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub measures: BTreeMap<String, String>,
 }
@@ -111,6 +115,11 @@ impl JudgeConfig {
         JudgeConfig { program, directory: None, timeout_s, ..self.clone() }
     }
 
+    /// Every setting with its range, as fields of the table `task.judge`.
+    pub fn ranges(&self) -> [Range; 1] {
+        [range("timeout_s", self.timeout_s, MIN_TIMEOUT_S, MAX_TIMEOUT_S, "s")]
+    }
+
     pub(super) fn validate(&self) -> Result<()> {
         if !self.has_program() && !self.measures.is_empty() {
             bail!("task.judge.measures are those of a program: name it in task.judge.program");
@@ -124,12 +133,6 @@ impl JudgeConfig {
         if self.program.first().is_some_and(String::is_empty) {
             bail!(
                 "task.judge.program begins with an empty word: use [\"python3\", \"my_task.py\"]"
-            );
-        }
-        if !(MIN_TIMEOUT_S..=MAX_TIMEOUT_S).contains(&self.timeout_s) {
-            bail!(
-                "task.judge.timeout_s is {}: use a value within {MIN_TIMEOUT_S}..={MAX_TIMEOUT_S}",
-                self.timeout_s
             );
         }
         Ok(())

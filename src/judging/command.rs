@@ -38,7 +38,9 @@ pub fn folder(judge: &JudgeConfig) -> PathBuf {
 
 /// That the program of `judge`, where it has one, is there and can be started.
 pub fn check(judge: &JudgeConfig) -> Result<()> {
-    let Some((program, arguments)) = judge.program.split_first() else { return Ok(()) };
+    if !judge.has_program() {
+        return Ok(());
+    }
     let folder = folder(judge);
     if !folder.is_dir() {
         bail!(
@@ -46,6 +48,12 @@ pub fn check(judge: &JudgeConfig) -> Result<()> {
             folder.display()
         );
     }
+    check_program("task.judge.program", &judge.program, &folder)
+}
+
+/// That the program `words`, which `setting` names, is there and can be started in `folder`.
+pub fn check_program(setting: &str, words: &[String], folder: &Path) -> Result<()> {
+    let Some((program, arguments)) = words.split_first() else { return Ok(()) };
     let is_path = program.contains('/');
     let path = std::env::var_os("PATH").unwrap_or_default();
     let mut places = match is_path {
@@ -63,17 +71,17 @@ pub fn check(judge: &JudgeConfig) -> Result<()> {
             false if is_path => format!("paths are relative to {}", folder.display()),
             false => "no folder of PATH has it".into(),
         };
-        bail!("task.judge.program: {program} was not found; {hint}");
+        bail!("{setting}: {program} was not found; {hint}");
     }
     if !places.iter().any(|place| access(place.as_path(), Access::EXEC_OK).is_ok()) {
         bail!(
-            "task.judge.program: {program} is not executable: put its interpreter first, as in [\"python3\", \
+            "{setting}: {program} is not executable: put its interpreter first, as in [\"python3\", \
              \"{program}\"], or run `chmod +x`"
         );
     }
     let script = arguments.iter().find(|word| is_python(Path::new(word)));
     if let Some(missing) = script.filter(|word| !folder.join(word).is_file()) {
-        bail!("task.judge.program: {missing} was not found in {}", folder.display());
+        bail!("{setting}: {missing} was not found in {}", folder.display());
     }
     Ok(())
 }

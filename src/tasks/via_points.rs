@@ -123,8 +123,9 @@ fn configure(config: &mut Config) {
     let learner = &mut config.learner;
     learner.rollouts = 300;
     learner.action.start = START.to_vec();
-    learner.action.min = START.map(|x| x - HALF_WIDTH).to_vec();
-    learner.action.max = START.map(|x| x + HALF_WIDTH).to_vec();
+    // Without the last digits of a sum, which a configuration would show.
+    let edge = |by: f64| START.map(|x| ((x + by) * 1e9).round() / 1e9).to_vec();
+    (learner.action.min, learner.action.max) = (edge(-HALF_WIDTH), edge(HALF_WIDTH));
     learner.search.method = Method::Niching;
     let niching = &mut learner.search.niching;
     niching.n_candidates = 2;

@@ -21,6 +21,7 @@ const STILL: f64 = 1e-9;
 
 /// `learner.n_components`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(untagged, expecting = "use a number of components, or \"bic\"")]
 pub enum Components {
     Number(usize),
@@ -29,6 +30,7 @@ pub enum Components {
 
 /// By what a number of components is chosen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Chosen {
     /// The lowest Bayesian information criterion.

@@ -24,6 +24,7 @@ const SAME: f64 = 1e-9;
 
 /// Where the stiffness of the initial policy is from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum InitialStiffness {
     /// κᴾ I everywhere.

@@ -2,26 +2,30 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::range::{ConfigError, Range, check, range};
+use crate::range::{ABOVE_ZERO, ANY, ConfigError, Range, inside, range, within};
 
 /// More parts than there are rollouts are never covered.
 const MAX_PARTS: usize = 100;
+/// Unit of what is in the unit of a target's measure.
+const OF_MEASURE: &str = "unit of the measure";
 
 /// A measure and its target window.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Target {
     /// Name of the measure; it has no meaning to the search.
     pub measure: String,
-    /// A truth value without which the measure does not exist, such as `tossed`.
+    /// A truth value without which the measure does not exist, such as `tossed`. Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub when: Option<String>,
-    /// The window, in the unit of the measure.
+    /// Lower end of the window, below `max`.
     pub min: f64,
+    /// Upper end of the window.
     pub max: f64,
-    /// Approximate change of the measure per unit of exploration, in its unit.
+    /// Approximate change of the measure per unit of exploration.
     pub scale: f64,
-    /// Number of equal parts of the window; a covering search aims at a success in each.
+    /// Number of equal parts of the window; a covering search aims at a success in each. Default: 1.
     #[serde(default = "whole", skip_serializing_if = "is_whole")]
     pub parts: usize,
 }
@@ -68,6 +72,7 @@ impl Target {
 
 /// What follows the first successes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Then {
     /// More of the same.
@@ -80,19 +85,24 @@ pub enum Then {
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct AimConfig {
     /// Whether to use the task's prediction of its measures, if it has one.
     pub predict: bool,
-    /// Policies drawn around the start, of which the most promising one is executed, in scaled units.
+    /// Policies drawn around the start, of which the most promising one is executed.
     pub candidates: usize,
+    /// Standard deviation of these draws, in scaled units.
     pub std: f64,
     /// Length scale of local effects on the measures, in units of `std`.
     pub length: f64,
+    /// What follows the first successes.
     pub then: Then,
-    /// Successes after which `then` begins, and PoWER's floor from there on.
+    /// Successes after which `then` begins.
     pub successes: u64,
+    /// Exploration floor of PoWER from then on, in scaled units.
     pub floor_std: f64,
+    /// The measures to aim at, each with its window.
     pub targets: Vec<Target>,
 }
 
@@ -113,19 +123,28 @@ impl Default for AimConfig {
 
 impl AimConfig {
     /// Settings and their ranges.
-    fn ranges(&self) -> Vec<Range> {
-        vec![
-            range("candidates", self.candidates as f64, 1.0, 1e4),
-            range("std", self.std, 1e-6, 100.0),
-            range("length", self.length, 0.01, 100.0),
-            range("successes", self.successes as f64, 1.0, 1e4),
-            range("floor_std", self.floor_std, 0.0, 100.0),
-        ]
+    pub fn ranges(&self) -> Vec<Range> {
+        let own = vec![
+            range("candidates", self.candidates as f64, 1.0, 1e4, "1"),
+            range("std", self.std, 1e-6, 100.0, "1"),
+            range("length", self.length, 0.01, 100.0, "1"),
+            range("successes", self.successes as f64, 1.0, 1e4, "1"),
+            range("floor_std", self.floor_std, 0.0, 100.0, "1"),
+        ];
+        let of_target = |(i, target): (usize, &Target)| {
+            let ranges = [
+                within("min", target.min, ANY, OF_MEASURE),
+                within("max", target.max, ANY, OF_MEASURE),
+                within("scale", target.scale, ABOVE_ZERO, OF_MEASURE),
+                range("parts", target.parts as f64, 1.0, MAX_PARTS as f64, "1"),
+            ];
+            inside(&format!("targets[{i}]."), ranges)
+        };
+        own.into_iter().chain(self.targets.iter().enumerate().flat_map(of_target)).collect()
     }
 
-    /// Every field within its range, every window open.
+    /// Every window open, and not too many parts.
     pub fn validate(&self) -> Result<(), ConfigError> {
-        check("search.aim.", &self.ranges())?;
         for (i, target) in self.targets.iter().enumerate() {
             let field = |name: &str| format!("search.aim.targets[{i}].{name}");
             let name = &target.measure;

@@ -10,26 +10,27 @@ use crate::range::{Range, range};
 use crate::trial::Trial;
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct ClimbConfig {
-    /// A surrogate of the climb's trials chooses its steps, not Eqs. (1) and (6): for some tens of
-    /// trials in few dimensions, on smooth hills.
+    /// Whether a surrogate fitted to the climb's trials chooses its steps instead of Eqs. (1) and (6); for smooth hills
+    /// in few dimensions.
     pub surrogate: bool,
-    /// M, the best trials Eqs. (1) and (6) are computed from.
+    /// Number of elites M: the best trials Eqs. (1) and (6) are computed from.
     pub n_elites: usize,
     /// Trials around the start before the first update.
     pub n_initial: u64,
     /// Variance of the exploration floor Σ₀ at the first trial, in variances of the start.
     pub floor_variance: f64,
-    /// Factor on that variance per trial.
+    /// Factor on the variance of the floor per trial.
     pub floor_decay: f64,
-    /// The climb is over when no standard deviation is above this, in widths of the box …
+    /// A climb ends when no standard deviation is above this, in widths of the box.
     pub end_std: f64,
-    /// … or after so many trials.
+    /// A climb ends after this many trials.
     pub n_max: u64,
-    /// … or after so many without a better one, 0 for never …
+    /// A climb ends after this many trials without a better one; 0 for never.
     pub patience: u64,
-    /// … or at its first success.
+    /// Whether a climb ends at its first success.
     pub until_success: bool,
 }
 
@@ -53,13 +54,13 @@ impl ClimbConfig {
     /// Settings and their ranges, as fields of the table `climb`.
     pub fn ranges(&self) -> Vec<Range> {
         vec![
-            range("climb.n_elites", self.n_elites as f64, 2.0, 1e4),
-            range("climb.n_initial", self.n_initial as f64, 1.0, 1e4),
-            range("climb.floor_variance", self.floor_variance, 0.0, 100.0),
-            range("climb.floor_decay", self.floor_decay, 0.1, 0.9999),
-            range("climb.end_std", self.end_std, 1e-12, 1.0),
-            range("climb.n_max", self.n_max as f64, 1.0, 1e6),
-            range("climb.patience", self.patience as f64, 0.0, 1e6),
+            range("climb.n_elites", self.n_elites as f64, 2.0, 1e4, "1"),
+            range("climb.n_initial", self.n_initial as f64, 1.0, 1e4, "1"),
+            range("climb.floor_variance", self.floor_variance, 0.0, 100.0, "1"),
+            range("climb.floor_decay", self.floor_decay, 0.1, 0.9999, "1"),
+            range("climb.end_std", self.end_std, 1e-12, 1.0, "1"),
+            range("climb.n_max", self.n_max as f64, 1.0, 1e6, "1"),
+            range("climb.patience", self.patience as f64, 0.0, 1e6, "1"),
         ]
     }
 }

@@ -7,23 +7,25 @@ use crate::range::{Range, range};
 
 /// Settings; lengths in widths of the box.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct NichingConfig {
-    /// Even places of which the best becomes a start.
+    /// Evenly spread places of which the best becomes a start.
     pub n_candidates: usize,
-    /// Above 0, starts are drawn about θ₀ with this standard deviation instead, the first is θ₀, and a
-    /// climb begins at each before it is tested: where θ₀ lies between the optima, far from the rest.
+    /// Above 0, starts are drawn around θ₀ with this standard deviation instead, in widths of the box: the first is θ₀,
+    /// and each is climbed before it is tested. For a θ₀ between the optima, far from the rest.
     pub start_std: f64,
-    /// Standard deviation of a climb's first trials, in distances to the nearest known optimum …
+    /// Standard deviation of a climb's first trials, in distances to the nearest known optimum.
     pub relative_std: f64,
-    /// … and at most.
+    /// Largest standard deviation of a climb's first trials, in widths of the box.
     pub initial_std: f64,
-    /// A valley to the nearest known optimum is looked for after so many trials of a climb.
+    /// Trials of a climb between two tests for a valley to the nearest known optimum.
     pub n_between_tests: u64,
-    /// Optima with this share of the best reward are answers, and worth a look at their neighbours.
+    /// Optima with this share of the best reward count as solutions, and their neighbourhoods are searched.
     pub answer_share: f64,
-    /// θ₀ ± this is the box where none is known.
+    /// Half the width of the box around θ₀, where no box is known.
     pub half_width: f64,
+    /// A climb from a start to an optimum.
     pub climb: ClimbConfig,
 }
 
@@ -46,13 +48,13 @@ impl NichingConfig {
     /// Settings and their ranges.
     pub fn ranges(&self) -> Vec<Range> {
         let own = vec![
-            range("n_candidates", self.n_candidates as f64, 1.0, 1e4),
-            range("start_std", self.start_std, 0.0, 10.0),
-            range("relative_std", self.relative_std, 1e-3, 10.0),
-            range("initial_std", self.initial_std, 1e-6, 10.0),
-            range("n_between_tests", self.n_between_tests as f64, 1.0, 1e6),
-            range("answer_share", self.answer_share, 0.0, 1.0),
-            range("half_width", self.half_width, 1e-6, 1e6),
+            range("n_candidates", self.n_candidates as f64, 1.0, 1e4, "1"),
+            range("start_std", self.start_std, 0.0, 10.0, "1"),
+            range("relative_std", self.relative_std, 1e-3, 10.0, "1"),
+            range("initial_std", self.initial_std, 1e-6, 10.0, "1"),
+            range("n_between_tests", self.n_between_tests as f64, 1.0, 1e6, "1"),
+            range("answer_share", self.answer_share, 0.0, 1.0, "1"),
+            range("half_width", self.half_width, 1e-6, 1e6, "1"),
         ];
         [own, self.climb.ranges()].concat()
     }

@@ -6,6 +6,7 @@ use crate::range::{Range, range};
 
 /// What counts the peaks among the first trials.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Estimator {
     /// Peaks that stand out, on a graph of the trials.
@@ -18,28 +19,30 @@ pub enum Estimator {
 
 /// Settings; lengths in widths of the box, rewards in shares of the best one so far.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct RegionsConfig {
-    /// Trials that fill the box before anything is counted.
+    /// Trials that fill the box before regions are counted.
     pub n_fill: usize,
+    /// Method that counts the peaks among these trials.
     pub estimator: Estimator,
-    /// A peak among the first trials is one if no way to a higher one stays above this share of it.
+    /// A peak counts if no way to a higher one stays above this share of it.
     pub persistence: f64,
-    /// Regions joined by a way of at least this reward are one.
+    /// Regions joined by a way of at least this reward, as a share of the best, are one.
     pub connected: f64,
-    /// Standard deviations added to the expected reward where a way could lead along …
+    /// Standard deviations added to the expected reward where a way could lead along.
     pub optimism: f64,
-    /// … and subtracted before a way is taken for granted.
+    /// Standard deviations subtracted from the expected reward before a way is taken as given.
     pub caution: f64,
-    /// Trials that may be spent between regions; 0 leaves the count as estimated.
+    /// Trials that may be spent between regions; 0 keeps the count as estimated.
     pub n_bridges: usize,
-    /// Trials in which a region must climb to `answer_share`, or is given up.
+    /// Trials within which a region must climb to `answer_share`, or is given up.
     pub patience: u32,
-    /// Regions with this reward are answers.
+    /// Regions with this share of the best reward are solutions.
     pub answer_share: f64,
-    /// Widest standard deviation of a climb's steps.
+    /// Largest standard deviation of a climb's steps, in widths of the box.
     pub climb_std: f64,
-    /// θ₀ ± this is the box where none is known.
+    /// Half the width of the box around θ₀, where no box is known.
     pub half_width: f64,
 }
 
@@ -65,16 +68,16 @@ impl RegionsConfig {
     /// Settings and their ranges.
     pub fn ranges(&self) -> Vec<Range> {
         vec![
-            range("n_fill", self.n_fill as f64, 2.0, 1e3),
-            range("persistence", self.persistence, 0.0, 1.0),
-            range("connected", self.connected, 0.05, 1.0),
-            range("optimism", self.optimism, 0.0, 10.0),
-            range("caution", self.caution, 0.0, 10.0),
-            range("n_bridges", self.n_bridges as f64, 0.0, 1e4),
-            range("patience", f64::from(self.patience), 1.0, 1e4),
-            range("answer_share", self.answer_share, 0.0, 1.0),
-            range("climb_std", self.climb_std, 1e-6, 1.0),
-            range("half_width", self.half_width, 1e-6, 1e6),
+            range("n_fill", self.n_fill as f64, 2.0, 1e3, "1"),
+            range("persistence", self.persistence, 0.0, 1.0, "1"),
+            range("connected", self.connected, 0.05, 1.0, "1"),
+            range("optimism", self.optimism, 0.0, 10.0, "1"),
+            range("caution", self.caution, 0.0, 10.0, "1"),
+            range("n_bridges", self.n_bridges as f64, 0.0, 1e4, "1"),
+            range("patience", f64::from(self.patience), 1.0, 1e4, "1"),
+            range("answer_share", self.answer_share, 0.0, 1.0, "1"),
+            range("climb_std", self.climb_std, 1e-6, 1.0, "1"),
+            range("half_width", self.half_width, 1e-6, 1e6, "1"),
         ]
     }
 }
