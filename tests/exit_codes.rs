@@ -18,7 +18,7 @@ const NO_CONTROLLER: i32 = 3;
 /// controller, the cell `none` has not.
 type Row = (&'static str, &'static [(i32, &'static str)]);
 
-const ROWS: [Row; 54] = [
+const ROWS: [Row; 61] = [
     ("learn", &[(DONE, "pancake --rollouts 2 --out l"), (ERROR, "pancake --config absent.toml")]),
     ("controller", &[(ERROR, "--cell c1"), (ERROR, "--cell UP"), (ERROR, "--config absent.toml")]),
     ("learner", &[(DONE, "--cell c1 --session s"), (ERROR, "--session l2 --config absent.toml")]),
@@ -150,6 +150,12 @@ const ROWS: [Row; 54] = [
         "task serve",
         &[(DONE, "pancake"), (ERROR, "nothing"), (ERROR, "pancake --config absent.toml")],
     ),
+    ("session list", &[(DONE, ""), (DONE, "l"), (ERROR, "file")]),
+    ("session show", &[(DONE, "s"), (ERROR, "nowhere")]),
+    // Up and down with processes: tests/cell_up.rs.
+    ("cell up", &[(ERROR, "UP"), (ERROR, "c9 --config absent.toml"), (ERROR, "c9 --task nothing")]),
+    ("cell down", &[(DONE, "none"), (ERROR, "UP")]),
+    ("cell list", &[(DONE, "")]),
     ("trials", &[(DONE, "s"), (ERROR, "nowhere")]),
     ("report", &[(DONE, "s"), (ERROR, "nowhere")]),
     ("study", &[(DONE, ""), (ERROR, "nothing")]),
@@ -169,6 +175,8 @@ const ROWS: [Row; 54] = [
     ("completions", &[(DONE, "bash"), (ERROR, "tcsh")]),
     ("man", &[(DONE, "--out man"), (ERROR, "--out file/below")]),
     // No commands of their own, but pages of the manual.
+    ("session", &[(ERROR, "")]),
+    ("cell", &[(ERROR, "")]),
     ("policy", &[(ERROR, "")]),
     ("arm", &[(ERROR, "")]),
     ("demo", &[(ERROR, "")]),

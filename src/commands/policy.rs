@@ -102,7 +102,7 @@ fn list(store: &Store, best: Option<usize>, as_json: bool) -> Result<Verdict> {
     }
     if as_json {
         let rows: Vec<_> = trials.iter().map(row).collect();
-        print_json(&rows)?;
+        print_json(&json!({ "policies": rows }))?;
         return Ok(Verdict::Done);
     }
     let is_action = store.meta().learner.action.is_used();
@@ -148,7 +148,7 @@ fn row(trial: &TrialRecord) -> serde_json::Value {
         "reward": trial.reward,
         "success": trial.success,
         "applied_tick": trial.applied_tick,
-        "fault": trial.fault,
+        "fault_code": trial.fault,
         "measures": measures.collect::<std::collections::BTreeMap<_, _>>(),
     })
 }
@@ -174,7 +174,9 @@ fn of_session(session: &Path, id: u64) -> Result<PolicyMsg> {
 
 fn show(policy: &PolicyMsg, as_json: bool) -> Result<Verdict> {
     if as_json {
-        print(&format!("{}\n", policy_json::to_json(policy)?))?;
+        let text: serde_json::Value = serde_json::from_str(&policy_json::to_json(policy)?)?;
+        let (policy_id, rollout) = (policy.policy_id, policy.rollout);
+        print_json(&json!({ "policy_id": policy_id, "rollout": rollout, "policy": text }))?;
     } else {
         print(&as_text(policy))?;
     }

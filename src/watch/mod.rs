@@ -123,7 +123,7 @@ impl Model {
 
     fn percentiles_of_window(&self) -> (Percentiles, Percentiles) {
         let of = |histogram: &Histogram<u64>| {
-            let us = |ns: u64| ns as f64 * 1e-3;
+            let us = crate::fields::us;
             Percentiles {
                 p50: us(histogram.value_at_quantile(0.5)),
                 p99: us(histogram.value_at_quantile(0.99)),

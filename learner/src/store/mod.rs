@@ -5,6 +5,7 @@
 mod convert;
 mod copy;
 mod error;
+mod glance;
 mod meta;
 mod modes;
 mod people;
@@ -21,6 +22,7 @@ use shm_types::policy::PolicyMsg;
 
 use copy::{SecondCopy, copy_path};
 pub use error::StoreError;
+pub use glance::Glance;
 pub use meta::SessionMeta;
 pub use people::Added;
 pub use rows::{Asked, Event, PolicyKind, Step, TrialRecord};
