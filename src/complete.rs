@@ -17,6 +17,9 @@ use crate::tasks;
 
 /// With it in the environment, this program answers a shell instead of doing what its arguments say.
 const VARIABLE: &str = "SKILLET_COMPLETE";
+/// zsh loads a script from `fpath` when it completes the first time, and expects an answer at once.
+const ZSH_AUTOLOAD: &[u8] =
+    b"\n[ \"$funcstack[1]\" = _skillet ] && _clap_dynamic_completer_skillet \"$@\"\n";
 /// Where sessions usually are, seen from the current folder.
 const PLACES: [&str; 2] = ["sessions", ""];
 
@@ -27,13 +30,16 @@ pub fn answer_shell() {
 
 /// The script that has `shell` ask this program.
 pub fn script(shell: Shell) -> std::io::Result<Vec<u8>> {
-    let shell: &dyn EnvCompleter = match shell {
+    let completer: &dyn EnvCompleter = match shell {
         Shell::Bash => &Bash,
         Shell::Zsh => &Zsh,
         Shell::Fish => &Fish,
     };
     let (name, mut script) = (env!("CARGO_PKG_NAME"), Vec::new());
-    shell.write_registration(VARIABLE, name, name, name, &mut script)?;
+    completer.write_registration(VARIABLE, name, name, name, &mut script)?;
+    if shell == Shell::Zsh {
+        script.extend_from_slice(ZSH_AUTOLOAD);
+    }
     Ok(script)
 }
 

@@ -3,6 +3,7 @@
 use anyhow::{Result, bail};
 use serde::Serialize;
 use serde_json::{Value, json};
+use shm_types::measures::Measure;
 use shm_types::policy::PolicyName;
 
 /// Version of all JSON output; raised when a field is renamed, removed or changes its meaning.
@@ -46,9 +47,29 @@ pub fn phase(phase: impl TryInto<usize>) -> &'static str {
     number.and_then(|number| PHASES.get(number)).copied().unwrap_or("unknown")
 }
 
+/// What was measured: a number, or whether something happened.
+pub fn measure(measure: &Measure<'_>) -> Value {
+    if measure.is_truth() { json!(measure.value != 0.0) } else { json!(measure.value) }
+}
+
 /// Percentiles of a distribution of times, µs.
 pub fn times_us(p50_ns: u64, p99_ns: u64, max_ns: u64) -> Value {
     json!({ "p50": us(p50_ns), "p99": us(p99_ns), "max": us(max_ns) })
+}
+
+/// `value`, whose numbers are results of arithmetic: of their digits the first 12 are kept.
+pub fn short(value: Value) -> Value {
+    match value {
+        Value::Number(number) if number.is_f64() => {
+            let rounded = number.as_f64().and_then(|number| format!("{number:.11e}").parse().ok());
+            rounded.map_or(Value::Number(number), |rounded: f64| json!(rounded))
+        }
+        Value::Array(values) => values.into_iter().map(short).collect(),
+        Value::Object(fields) => {
+            fields.into_iter().map(|(name, value)| (name, short(value))).collect()
+        }
+        other => other,
+    }
 }
 
 // Divisions: their results are the closest numbers, which print short. 1400 * 1e-3 is 1.4000000000000001.
@@ -77,6 +98,12 @@ mod tests {
             assert!(text.split(',').all(|number| digits(number) <= 12), "{text}");
         }
         assert_eq!(us(1400).to_string(), "1.4");
+        let sums =
+            json!({ "a": [7.0 * 0.2, -2.5e-9, 0.0], "b": u64::MAX, "c": "1.40000000000000001" });
+        assert_eq!(
+            short(sums),
+            json!({ "a": [1.4, -2.5e-9, 0.0], "b": u64::MAX, "c": "1.40000000000000001" })
+        );
     }
 
     #[test]

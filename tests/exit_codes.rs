@@ -116,7 +116,7 @@ const ROWS: [Row; 61] = [
         ],
     ),
     (
-        "demo import",
+        "demo convert",
         &[
             (DONE, "s/demonstration.csv --out d.csv"),
             (NEGATIVE, "far.csv --out far-demo.csv"),

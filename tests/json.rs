@@ -28,7 +28,7 @@ const USES: [(&str, &str); 36] = [
     ("policy forbid and policy allow of a session", "policy allow s 1"),
     ("judge --again", "judge --again s --config s/session.toml"),
     ("judge with a rating", "judge rated --rate 7"),
-    ("demo import", "demo import s/demonstration.csv --out d.csv"),
+    ("demo convert", "demo convert s/demonstration.csv --out d.csv"),
     ("demo add", "demo add s d.csv"),
     ("replay", "replay s"),
     ("replay --all", "replay s --all"),

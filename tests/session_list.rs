@@ -54,7 +54,7 @@ fn a_list_agrees_with_the_session_under_a_wish_and_with_a_learner_at_work() {
     let bench = Bench::new();
     let learn = ["learn", "pancake", "--rollouts", "20", "--out", "sessions/s"];
     bench.ok(&learn);
-    bench.ok(&[&learn[..4], &["22", "--out", "sessions/s", "--where", "apex_m < 0.4"]].concat());
+    bench.ok(&[&learn[..3], &["22", "--out", "sessions/s", "--where", "apex_m < 0.4"]].concat());
     let row = || bench.json(&["session", "list"])["sessions"][0].clone();
     let shown = bench.json(&["session", "show", "sessions/s"]);
     for field in ["trials", "successes", "best_reward"] {

@@ -16,6 +16,7 @@ use super::{live, modes, repertoire};
 use crate::Verdict;
 use crate::cell::NamedCell;
 use crate::cli::{CellArgs, ChoiceArgs, FormatArg, PolicyArgs, PolicyVerb};
+use crate::fields;
 use crate::output::{print, print_json};
 use crate::policy_file;
 use crate::session_folder::SessionFolder;
@@ -141,7 +142,8 @@ fn table(trials: &[TrialRecord], measures: &Declared, is_action: bool) -> String
 }
 
 fn row(trial: &TrialRecord) -> serde_json::Value {
-    let measures = trial.measures.iter().map(|measure| (measure.name, measure.value));
+    let measures = trial.measures.iter();
+    let measures = measures.map(|one| (one.name.to_string(), fields::measure(&one)));
     json!({
         "policy_id": trial.policy_id,
         "rollout": trial.rollout,

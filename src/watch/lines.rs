@@ -70,7 +70,7 @@ pub fn json(model: &Model, watcher: &Watcher) -> String {
         "under_wish_since": session.wished_since(),
         "modes": session.modes.len(),
         "measures": session.measures.map(|measures| -> serde_json::Map<_, _> {
-            measures.iter().map(|measure| (measure.name.to_string(), json!(measure.value))).collect()
+            measures.iter().map(|measure| (measure.name.to_string(), fields::measure(&measure))).collect()
         }),
     });
     fields::versioned(&value).map_or_else(|error| error.to_string(), |value| value.to_string())

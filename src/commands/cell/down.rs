@@ -7,6 +7,7 @@ use anyhow::{Context, Result, bail};
 use serde_json::json;
 use shm_types::cell::{Cell, Holder, Role, runtime_dir};
 
+use super::short;
 use crate::Verdict;
 use crate::cli::cell::DownArgs;
 use crate::output::{print, print_json};
@@ -102,7 +103,8 @@ fn text(
         text += &format!("{:<11} stopped, process {pid}\n", role.name());
     }
     if let Some(session) = session.filter(|_| others.is_empty()) {
-        text += &format!("session     {}, resumed by `skillet cell up`\n", session.display());
+        text +=
+            &format!("session     {}, resumed by `skillet cell up`\n", short(&session).display());
     }
     if !others.is_empty() {
         text += &format!("learner     left running: it also works in {}\n", others.join(", "));

@@ -10,10 +10,11 @@ use shm_types::cell::{Cell, Role, runtime_dir};
 use shm_types::command::Status;
 use shm_types::ports::ToolPorts;
 
+use super::short;
 use crate::Verdict;
-use crate::health;
 use crate::output::{print, print_json};
 use crate::watch::vitals::Presence;
+use crate::{fields, health};
 
 /// How long a controller may take to reply; all are asked at once.
 const TIMEOUT: Duration = Duration::from_secs(1);
@@ -89,7 +90,7 @@ impl Row {
             "learner_pid": self.learner_pid,
             "session": self.session,
             "health": status.map(|status| health::of(status).0),
-            "active_policy": status.map(|status| status.active.describe()),
+            "active_policy": status.map(|status| fields::policy(&status.active)),
             "pinned": status.map(|status| status.pinned == 1),
             "rollouts_done": status.map(|status| status.rollouts_done),
         })
@@ -118,7 +119,7 @@ fn table(rows: &[Row]) -> String {
             None => presence.name().to_string(),
         };
         let health = row.status.map_or("–", |status| health::of(&status).0.name());
-        let session = row.session.as_ref().map(|path| path.display().to_string());
+        let session = row.session.as_ref().map(|path| short(path).display().to_string());
         text += &format!(
             "{:<width$}  {:<16}  {:<16}  {health:<8}  {}\n",
             row.name,

@@ -11,6 +11,7 @@ use shm_types::cell::{Cell, Role, runtime_dir};
 use shm_types::plant::socket::PLANT_VARIABLE;
 
 use super::ready::{Manager, Start};
+use super::short;
 use crate::Verdict;
 use crate::cell::state_dir;
 use crate::children::Service;
@@ -280,11 +281,6 @@ impl Outcome {
             Outcome::NotWanted => "none".into(),
         }
     }
-}
-
-/// Relative to the current folder if it lies below.
-fn short(path: &Path) -> PathBuf {
-    path.strip_prefix(absolute(Path::new(""))).unwrap_or(path).to_path_buf()
 }
 
 /// The configuration of a cell without a session.
