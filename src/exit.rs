@@ -20,7 +20,7 @@ pub enum Verdict {
 pub const ERROR: u8 = 2;
 pub const NO_CONTROLLER: u8 = 3;
 
-/// Every code with its meaning, as the help and README.md show them.
+/// Every code with its meaning, as the help and docs/exit-codes.md show them.
 pub const CODES: [(u8, &str); 4] = [
     (0, "done"),
     (

@@ -262,15 +262,15 @@ fn as_json(bench: &Bench, arguments: &[&str], code: i32) {
 }
 
 #[test]
-fn the_readme_and_the_help_have_the_same_table() {
+fn the_page_and_the_help_have_the_same_table() {
     let help = Bench::new().ok(&["--help"]);
     let table = help.split("Exit codes of every command:\n").nth(1).unwrap();
     let rows: Vec<(&str, &str)> =
         table.lines().map_while(|line| line.trim().split_once("  ")).collect();
     assert_eq!(rows.len(), 4, "{help}");
-    let readme = include_str!("../README.md");
+    let page = include_str!("../docs/exit-codes.md");
     for (code, meaning) in rows {
         let row = format!("| {code} | {meaning} |");
-        assert!(readme.contains(&row), "README.md has no row `{row}`");
+        assert!(page.contains(&row), "docs/exit-codes.md has no row `{row}`");
     }
 }
