@@ -58,6 +58,19 @@ impl NamedCell {
     }
 }
 
+/// How the cells begin that `learn` makes for itself; its process id follows.
+pub const PRIVATE: &str = "learn-";
+
+/// The running command that made the cell `name` for itself, if one did.
+pub fn owner(name: &str) -> Option<&'static str> {
+    let made_by = [(PRIVATE, "learn"), ("soak-", "soak"), ("bench-", "bench"), ("bl-", "bench")];
+    made_by.into_iter().find_map(|(prefix, command)| {
+        let pid = name.strip_prefix(prefix)?.split('-').next()?;
+        let program = std::fs::read_to_string(format!("/proc/{pid}/comm")).ok()?;
+        (program.trim() == env!("CARGO_PKG_NAME")).then_some(command)
+    })
+}
+
 /// The first of `names` that is among those before it.
 pub fn named_twice(names: &[String]) -> Option<&String> {
     names.iter().enumerate().find(|(k, name)| names[..*k].contains(name)).map(|(_, name)| name)

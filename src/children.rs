@@ -47,6 +47,27 @@ impl Service {
         Service::start_as(name, &this_program()?, arguments, log, Stdio::null(), apart)
     }
 
+    /// A service that outlives this process: it leaves the terminal, and `log` stays bounded. `manager` is the
+    /// socket on which it says that it is ready.
+    pub fn start_in_background(
+        name: &'static str,
+        arguments: &[&OsStr],
+        log: PathBuf,
+        manager: &Path,
+    ) -> Result<Service> {
+        let background = [OsStr::new("--background"), log.as_os_str()];
+        let arguments = [arguments, &background].concat();
+        let set = |command: &mut Command| {
+            command.env("NOTIFY_SOCKET", manager);
+        };
+        Service::start_as(name, &this_program()?, &arguments, log.clone(), Stdio::null(), set)
+    }
+
+    /// Leaves the process running when this one ends.
+    pub fn release(self) {
+        std::mem::forget(self);
+    }
+
     /// Another program, in a process group of its own and with further variables in its environment.
     pub fn start_program(
         name: &'static str,
@@ -143,10 +164,15 @@ impl Service {
     /// Who died, how, and what it said last.
     pub fn obituary(&self, status: ExitStatus) -> String {
         let how = how_it_ended(status.code(), status.signal());
+        format!("the {} {how}; {}", self.name, self.last_words())
+    }
+
+    /// What it said last.
+    pub fn last_words(&self) -> String {
         let log = self.log.display();
         match tail(&self.log, LOG_TAIL) {
-            tail if tail.is_empty() => format!("the {} {how}; its log {log} is empty", self.name),
-            tail => format!("the {} {how}; the end of {log}:\n{tail}", self.name),
+            tail if tail.is_empty() => format!("its log {log} is empty"),
+            tail => format!("the end of {log}:\n{tail}"),
         }
     }
 }

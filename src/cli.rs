@@ -3,14 +3,17 @@
 pub mod arm;
 pub mod bench;
 pub mod bridge;
+pub mod cell;
 pub mod child;
 pub mod config;
 pub mod convert;
 pub mod demo;
 pub mod doctor;
+pub mod families;
 pub mod judge;
 pub mod plant;
 pub mod record;
+pub mod session;
 pub mod shell;
 pub mod soak;
 pub mod task;
@@ -42,54 +45,58 @@ pub struct Cli {
 
 #[derive(Subcommand)]
 pub enum Verb {
-    /// Learn a task: start a controller and a learner, show progress, write a session folder
+    /// Learn a task: run controller and learner, write a session folder
     Learn(LearnArgs),
-    /// Run the controller service of a cell
-    Controller(ControllerArgs),
-    /// Run the learner service of a cell
-    Learner(LearnerArgs),
-    /// Show controller health (exits 1 if it needs attention)
-    Status(StatusArgs),
-    /// Hold the arm at its current position until `skillet rearm`
-    Hold(arm::HoldArgs),
-    /// Release the arm after a hold or a hardware fault whose cause is fixed
-    Rearm(arm::RearmArgs),
-    /// Move the elbow of a running arm without interrupting the skill
-    Posture(arm::PostureArgs),
-    /// Inspect the policies of a session; load policies into a running cell and roll them back
+    /// List the sessions of a folder, or show one
+    Session(session::SessionArgs),
+    /// Print all trials of a session as CSV or JSON
+    Trials(trials::TrialsArgs),
+    /// Policies of a session or a running cell: inspect, load, roll back
     Policy(PolicyArgs),
-    /// Watch a running cell in the terminal, or in a 3-D viewer
-    Watch(record::WatchArgs),
-    /// Record a running cell at full rate, for Foxglove, PlotJuggler, Rerun and Python
-    Record(record::RecordArgs),
+    /// Rate a rollout, or re-judge all trials with another reward
+    Judge(judge::JudgeArgs),
+    /// Convert a recording to a demonstration; add one to a session
+    Demo(demo::DemoArgs),
     /// Rerun a trial of a session, bit for bit, and record it
     Replay(record::ReplayArgs),
     /// Write a recording, or a trial of a session, as a ROS 2 bag
     Convert(convert::ConvertArgs),
-    /// Convert recordings to demonstrations, and add a demonstration to a session
-    Demo(demo::DemoArgs),
-    /// Check the URDF of an arm and write its configuration
-    Arm(arm::ArmArgs),
-    /// Run plants in another process: serve the simulation as one, or check your own
-    Plant(plant::PlantArgs),
-    /// Rate a rollout of a session, or re-judge all its trials with another reward
-    Judge(judge::JudgeArgs),
-    /// List the tasks that can be learnt, or serve one to another program
-    Task(task::TaskArgs),
-    /// Print all trials of a session as CSV or JSON
-    Trials(trials::TrialsArgs),
     /// Write the HTML report of a session and its figures
     Report(ReportArgs),
-    /// Run a study over many seeds: success rates with intervals, comparisons, figures
-    Study(StudyArgs),
-    /// Check this host for hard real time and suggest fixes
-    Doctor(doctor::DoctorArgs),
-    /// Run benchmarks on this host
-    Bench(bench::BenchArgs),
-    /// Kill, swap and disturb learning cells for as long as you like, and count what is lost
-    Soak(soak::SoakArgs),
+    /// Start, stop and list cells in the background
+    Cell(cell::CellsArgs),
+    /// Show controller health (exits 1 if it needs attention)
+    Status(StatusArgs),
+    /// Watch a running cell in the terminal, or in a 3-D viewer
+    Watch(record::WatchArgs),
+    /// Record a running cell at full rate: MCAP, for Foxglove and others
+    Record(record::RecordArgs),
+    /// Hold the arm at its current position until `skillet rearm`
+    Hold(arm::HoldArgs),
+    /// Release the arm after a hold or a fixed hardware fault
+    Rearm(arm::RearmArgs),
+    /// Move the elbow of a running arm without interrupting the skill
+    Posture(arm::PostureArgs),
+    /// Run the controller service of a cell
+    Controller(ControllerArgs),
+    /// Run the learner service of a cell
+    Learner(LearnerArgs),
     /// Cells on other machines: one learner, arms in several rooms
     Bridge(bridge::BridgeArgs),
+    /// List the tasks that can be learnt, or serve one to a program
+    Task(task::TaskArgs),
+    /// Check the URDF of an arm and write its configuration
+    Arm(arm::ArmArgs),
+    /// Run a plant in another process: serve our simulation, check yours
+    Plant(plant::PlantArgs),
+    /// Run a study over many seeds: success rates, comparisons, figures
+    Study(StudyArgs),
+    /// Run benchmarks on this host
+    Bench(bench::BenchArgs),
+    /// Kill, swap and disturb learning cells, and count what is lost
+    Soak(soak::SoakArgs),
+    /// Check this host for hard real time and suggest fixes
+    Doctor(doctor::DoctorArgs),
     /// Show every setting, or check a configuration file
     Config(config::ConfigArgs),
     /// Print a shell completion script
@@ -213,7 +220,7 @@ pub struct LearnArgs {
 }
 
 /// Parses a task name; the help lists each task with its description.
-fn task_names() -> impl TypedValueParser<Value = String> {
+pub fn task_names() -> impl TypedValueParser<Value = String> {
     let value = |task: &&Task| PossibleValue::new(task.name).help(task.about);
     PossibleValuesParser::new(tasks::ALL.iter().map(value))
 }
@@ -258,6 +265,9 @@ pub struct ControllerArgs {
     /// End when the process that started this one ends
     #[arg(long, hide = true, value_name = "PID")]
     pub child: Option<u32>,
+    /// Leave the terminal and log to this file
+    #[arg(long, hide = true, value_name = "LOG", conflicts_with = "child")]
+    pub background: Option<PathBuf>,
 }
 
 #[derive(Args)]
@@ -287,6 +297,9 @@ pub struct LearnerArgs {
     /// End when the process that started this one ends
     #[arg(long, hide = true, value_name = "PID")]
     pub child: Option<u32>,
+    /// Leave the terminal and log to this file
+    #[arg(long, hide = true, value_name = "LOG", conflicts_with = "child")]
+    pub background: Option<PathBuf>,
 }
 
 #[derive(Args)]

@@ -20,7 +20,7 @@ pub enum Verdict {
 pub const ERROR: u8 = 2;
 pub const NO_CONTROLLER: u8 = 3;
 
-/// Every code with its meaning, as the help and README.md show them.
+/// Every code with its meaning, as the help and docs/exit-codes.md show them.
 pub const CODES: [(u8, &str); 4] = [
     (0, "done"),
     (
@@ -47,7 +47,7 @@ pub fn help() -> String {
     format!(
         "Example: skillet learn pancake --rollouts 100 --seed 3\n\nExit codes of every command:\n{}\n\
          With --json an error is an object on standard output:\n  \
-         {{\"error\": {{\"message\": …, \"causes\": […], \"exit_code\": 2}}}}",
+         {{\"schema\": 1, \"error\": {{\"message\": …, \"causes\": […], \"exit_code\": 2}}}}",
         rows.concat()
     )
 }
@@ -63,6 +63,11 @@ pub fn object(error: &anyhow::Error) -> Value {
     json!({ "message": format!("{error:#}"), "causes": causes, "exit_code": code(error) })
 }
 
+/// Standard output may be closed.
+fn print_object(object: &Value) {
+    let _ = output::json_line(&json!({ "error": object })).and_then(|line| output::print(&line));
+}
+
 fn code(error: &anyhow::Error) -> u8 {
     let is_absence = error
         .chain()
@@ -75,8 +80,7 @@ fn code(error: &anyhow::Error) -> u8 {
 pub fn tell(error: &anyhow::Error, is_service: bool) -> ExitCode {
     let json = wants_json();
     if json {
-        // Standard output may be closed.
-        let _ = output::print(&format!("{}\n", json!({ "error": object(error) })));
+        print_object(&object(error));
     }
     if !json || is_service {
         stderr::say(&format!("skillet: {error:#}"));
@@ -90,7 +94,7 @@ pub fn usage(error: &clap::Error) -> ExitCode {
         let message = error.render().to_string();
         let message = message.trim().trim_start_matches("error: ");
         let object = json!({ "message": message, "causes": [], "exit_code": ERROR });
-        let _ = output::print(&format!("{}\n", json!({ "error": object })));
+        print_object(&object);
         return ExitCode::from(ERROR);
     }
     let _ = error.print();

@@ -92,10 +92,15 @@ fn findings(status: &Status) -> Vec<(Health, String)> {
     found
 }
 
+/// A learner that sent heartbeats sends none any more.
+pub fn is_learner_silent(status: &Status) -> bool {
+    let age_ns = status.learner_age_ns;
+    age_ns != u64::MAX && Duration::from_nanos(age_ns) >= SILENT
+}
+
 /// Describes a learner that has become silent, and what the controller does without it.
 fn silence(status: &Status) -> Option<String> {
-    let age_ns = status.learner_age_ns;
-    if age_ns == u64::MAX || Duration::from_nanos(age_ns) < SILENT {
+    if !is_learner_silent(status) {
         return None;
     }
     let served = if status.active.is_none() { status.last_good } else { status.active };
@@ -103,7 +108,8 @@ fn silence(status: &Status) -> Option<String> {
         true => "no policy has succeeded yet, so the arm is held".to_string(),
         false => format!("policy {} is served", served.describe()),
     };
-    Some(format!("the learner has been silent for {:.0} s; {does}", age_ns as f64 * 1e-9))
+    let silent_s = status.learner_age_ns as f64 / 1e9;
+    Some(format!("the learner has been silent for {silent_s:.0} s; {does}"))
 }
 
 /// Describes a learner that has joined but never sent a heartbeat.

@@ -4,12 +4,14 @@
 #![recursion_limit = "256"]
 
 mod arm_check;
+mod background;
 mod bar;
 mod bench;
 mod cell;
 mod children;
 mod cli;
 mod commands;
+mod complete;
 mod config;
 mod demo;
 mod doctor;
@@ -17,6 +19,7 @@ mod draw;
 mod early;
 mod exit;
 mod external;
+mod fields;
 mod health;
 mod holding;
 mod host;
@@ -48,8 +51,7 @@ mod watch;
 
 use std::process::ExitCode;
 
-use clap::Parser;
-use cli::{Cli, Verb};
+use cli::{Verb, families};
 
 pub use exit::Verdict;
 
@@ -57,35 +59,38 @@ fn main() -> ExitCode {
     // Whatever is written, sessions and reports included, is this user's alone.
     rustix::process::umask(rustix::fs::Mode::RWXG | rustix::fs::Mode::RWXO);
     stderr::take_panics();
-    let cli = match Cli::try_parse() {
+    complete::answer_shell();
+    let cli = match families::parse() {
         Ok(cli) => cli,
         Err(error) => return exit::usage(&error),
     };
     let result = match &cli.verb {
         Verb::Learn(args) => commands::learn::run(args),
-        Verb::Controller(args) => commands::controller::run(args),
-        Verb::Learner(args) => commands::learner::run(args),
+        Verb::Session(args) => commands::session::run(args),
+        Verb::Trials(args) => commands::trials::run(args),
+        Verb::Policy(args) => commands::policy::run(args),
+        Verb::Judge(args) => commands::judge::run(args),
+        Verb::Demo(args) => commands::demo::run(args),
+        Verb::Replay(args) => commands::replay::run(args),
+        Verb::Convert(args) => commands::convert::run(args),
+        Verb::Report(args) => commands::report::run(args),
+        Verb::Cell(args) => commands::cell::run(args),
         Verb::Status(args) => commands::status::run(args),
+        Verb::Watch(args) => commands::watch::run(args),
+        Verb::Record(args) => commands::record::run(args),
         Verb::Hold(args) => commands::rearm::hold(args),
         Verb::Rearm(args) => commands::rearm::run(args),
         Verb::Posture(args) => commands::posture::run(args),
-        Verb::Policy(args) => commands::policy::run(args),
-        Verb::Watch(args) => commands::watch::run(args),
-        Verb::Record(args) => commands::record::run(args),
-        Verb::Replay(args) => commands::replay::run(args),
-        Verb::Convert(args) => commands::convert::run(args),
-        Verb::Demo(args) => commands::demo::run(args),
+        Verb::Controller(args) => commands::controller::run(args),
+        Verb::Learner(args) => commands::learner::run(args),
+        Verb::Bridge(args) => commands::bridge::run(args),
+        Verb::Task(args) => commands::task::run(args),
         Verb::Arm(args) => commands::arm::run(args),
         Verb::Plant(args) => commands::plant::run(args),
-        Verb::Judge(args) => commands::judge::run(args),
-        Verb::Task(args) => commands::task::run(args),
-        Verb::Trials(args) => commands::trials::run(args),
-        Verb::Report(args) => commands::report::run(args),
         Verb::Study(args) => commands::study::run(args),
-        Verb::Doctor(args) => commands::doctor::run(args),
         Verb::Bench(args) => commands::bench::run(args),
         Verb::Soak(args) => commands::soak::run(args),
-        Verb::Bridge(args) => commands::bridge::run(args),
+        Verb::Doctor(args) => commands::doctor::run(args),
         Verb::Config(args) => commands::config::run(args),
         Verb::Completions(args) => commands::shell::completions(args),
         Verb::Man(args) => commands::shell::man(args),

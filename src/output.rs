@@ -6,6 +6,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, Result, bail};
 
+use crate::fields;
+
 /// Nobody reads standard output any more.
 static IS_CLOSED: AtomicBool = AtomicBool::new(false);
 
@@ -26,9 +28,14 @@ pub fn print(text: &str) -> Result<()> {
     }
 }
 
-/// Prints one JSON value and a newline.
+/// Prints one JSON object, with its version, and a newline.
 pub fn print_json(value: &impl serde::Serialize) -> Result<()> {
-    print(&format!("{}\n", serde_json::to_string_pretty(value)?))
+    print(&format!("{:#}\n", fields::versioned(value)?))
+}
+
+/// The same in one line, for a command that prints several.
+pub fn json_line(value: &impl serde::Serialize) -> Result<String> {
+    Ok(format!("{}\n", fields::versioned(value)?))
 }
 
 /// Writes a file that is not there yet; it appears whole or not at all.

@@ -1,4 +1,4 @@
-//! Resumes a stored session by telling its search every trial.
+//! Opens the folder of a session, and resumes a stored session by telling its search every trial.
 
 use std::time::{Duration, Instant};
 
@@ -9,10 +9,24 @@ use learner::replay::Told;
 
 use crate::config::Config;
 use crate::session_folder::SessionFolder;
-use crate::setup;
+use crate::{judging, setup};
 
 /// Interval of progress messages for long sessions.
 const EVERY: Duration = Duration::from_secs(3);
+
+/// Checks that an existing session was made in the world of `given`, or writes a new one, by default that of the
+/// built-in configuration. Returns the session's own configuration.
+pub fn open_or_create(folder: &SessionFolder, given: Option<&Config>) -> Result<Config> {
+    if folder.has_session() {
+        given.map_or(Ok(()), |config| folder.expect_same_world(config))?;
+    } else {
+        let config = given.cloned().map_or_else(|| Config::load(None), Ok)?;
+        setup::check(&config)?;
+        judging::judge(&config)?;
+        folder.write(&config)?;
+    }
+    Config::load(Some(&folder.config_path()))
+}
 
 /// Resumes the session with `judge`; `say` receives the progress of a long one.
 pub fn resume(

@@ -222,7 +222,7 @@ fn check_reach(model: &ArmModel, q0: &JointVector, demonstration: &Demonstration
             if gap > START_TOLERANCE_M || turn > START_TOLERANCE_RAD {
                 bail!(
                     "{file}: begins {gap:.3} m and {turn:.3} rad from the tip in the start posture \
-                     ({:.3}, {:.3}, {:.3}) m: begin there (`skillet demo import --at-start` moves it), or \
+                     ({:.3}, {:.3}, {:.3}) m: begin there (`skillet demo convert --at-start` moves it), or \
                      change plant.start_posture_rad",
                     start.translation.x,
                     start.translation.y,

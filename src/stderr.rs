@@ -20,7 +20,12 @@ const AT_END: Duration = Duration::from_secs(1);
 const AGAIN: Duration = Duration::from_millis(10);
 
 /// The one of this process.
-static STDERR: LazyLock<Sink> = LazyLock::new(|| Sink::start(of_fd(io::stderr().as_fd())));
+static STDERR: LazyLock<Sink> = LazyLock::new(|| {
+    let elsewhere = ELSEWHERE.lock().unwrap_or_else(PoisonError::into_inner).take();
+    Sink::start(elsewhere.unwrap_or_else(|| of_fd(io::stderr().as_fd())))
+});
+/// Where lines go instead of standard error.
+static ELSEWHERE: Mutex<Option<Box<dyn Write + Send>>> = Mutex::new(None);
 
 /// Where lines go; clones lead to the same place. Every call is a line, or several whole ones.
 #[derive(Clone)]
@@ -45,6 +50,11 @@ struct State {
 /// Standard error, for logs. The first call starts its thread, with the core and priority of the caller.
 pub fn sink() -> Sink {
     STDERR.clone()
+}
+
+/// Has all lines go to `target` instead; after the first line it has no effect.
+pub fn redirect(target: Box<dyn Write + Send>) {
+    *ELSEWHERE.lock().unwrap_or_else(PoisonError::into_inner) = Some(target);
 }
 
 /// Standard output, for progress that must not block.

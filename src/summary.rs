@@ -7,8 +7,8 @@ use learner::summary::Summary as Achievement;
 use serde_json::json;
 use shm_types::command::Status;
 
-use crate::early;
 use crate::session_folder::SessionFolder;
+use crate::{early, fields};
 
 /// The result of a session, for people and for machines.
 pub struct Summary {
@@ -16,6 +16,8 @@ pub struct Summary {
     /// What a success is called; `None` where only the reward tells good from bad.
     pub success: Option<&'static str>,
     pub seed: u64,
+    /// Rollouts the session is to have.
+    pub rollouts: u64,
     pub result: Achievement,
     /// As `skillet policy modes --json` lists them.
     pub modes: Vec<serde_json::Value>,
@@ -29,24 +31,23 @@ pub struct Summary {
 
 impl Summary {
     pub fn json(&self, report: &Path) -> serde_json::Value {
-        let us = |ns: u64| ns as f64 * 1e-3;
+        let wakeup_us = |status: &Status| {
+            fields::times_us(status.wakeup_p50_ns, status.wakeup_p99_ns, status.wakeup_max_ns)
+        };
         let timing = self.status.map(|status| {
             json!({
                 "realtime": status.is_paced(),
                 "realtime_priority": status.privileged == 1,
                 "deadline_misses": status.deadline_misses,
-                "wakeup_p50_us": us(status.wakeup_p50_ns),
-                "wakeup_p99_us": us(status.wakeup_p99_ns),
-                "wakeup_max_us": us(status.wakeup_max_ns),
-                "tick_p50_us": us(status.tick_p50_ns),
-                "tick_p99_us": us(status.tick_p99_ns),
-                "tick_max_us": us(status.tick_max_ns),
+                "wakeup_us": wakeup_us(&status),
+                "tick_us": fields::times_us(status.tick_p50_ns, status.tick_p99_ns, status.tick_max_ns),
             })
         });
         json!({
             "task": self.task,
             "seed": self.seed,
-            "rollouts": self.result.trials,
+            "trials": self.result.trials,
+            "rollouts": self.rollouts,
             "first_success": self.result.first_success,
             "successes": self.result.successes,
             "faults": self.result.faults,

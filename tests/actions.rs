@@ -15,7 +15,7 @@ fn skittles_come_out_the_same_twice_and_resumed() {
         bench.ok(&[&arguments[..], &["--json"]].concat())
     };
     let summary: Value = serde_json::from_str(&learn("a", "60")).unwrap();
-    assert_eq!((&summary["task"], &summary["rollouts"]), (&"skittles".into(), &60.into()));
+    assert_eq!((&summary["task"], &summary["trials"]), (&"skittles".into(), &60.into()));
     assert!(summary["modes"].as_array().is_some_and(|modes| !modes.is_empty()));
     learn("b", "25");
     learn("b", "60");
@@ -47,10 +47,13 @@ fn a_forbidden_mode_gives_way_and_comes_back() {
     let bench = Bench::new();
     bench.ok(&["learn", "skittles", "--target", "1.2,0.0", "--out", "s"]);
     let modes = || -> Vec<Value> {
-        serde_json::from_str(&bench.ok(&["policy", "modes", "s", "--json"])).unwrap()
+        bench.json(&["policy", "modes", "s"])["modes"].as_array().unwrap().clone()
     };
     let answer = |modes: &[Value]| {
-        modes.iter().find(|mode| mode["answer"] == true).map(|mode| mode["mode"].as_u64().unwrap())
+        modes
+            .iter()
+            .find(|mode| mode["selected"] == true)
+            .map(|mode| mode["mode"].as_u64().unwrap())
     };
     let found = modes();
     assert!(found.len() >= 2, "this skittle can be hit in two ways: {found:?}");

@@ -118,12 +118,11 @@ fn the_page_of_measures_lists_what_tasks_measure() {
         .map(|section| (section.lines().next().unwrap().trim_matches('`'), rows(section)))
         .collect();
     let of_arm = &sections["Every task with an arm"];
-    let tasks: serde_json::Value =
-        serde_json::from_str(&Bench::new().ok(&["task", "list", "--json"])).unwrap();
-    let tasks = tasks.as_array().unwrap();
+    let listed = Bench::new().json(&["task", "list"]);
+    let tasks = listed["tasks"].as_array().unwrap();
     assert_eq!(sections.len(), tasks.len() + 1, "a section for each task");
     for task in tasks {
-        let name = task["name"].as_str().unwrap();
+        let name = task["task"].as_str().unwrap();
         let mut written = sections[name].clone();
         if task["has_arm"] == true {
             written.extend(of_arm.clone());

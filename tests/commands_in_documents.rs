@@ -54,6 +54,8 @@ struct Stage {
     bench: Bench,
     controllers: Vec<(String, Running)>,
     learners: Vec<(String, Running)>,
+    /// Cells in the background, which do not end with this test by themselves.
+    up: BTreeSet<String>,
     /// Lines and the sessions that were put there for them.
     fresh: BTreeSet<(String, String)>,
 }
@@ -80,7 +82,8 @@ impl Stage {
         fs::copy(primitive, bench.path("primitive.json")).unwrap();
         bench.write("my.toml", "[task]\ndemonstration = \"my_demo.csv\"\n");
         bench.write("new.toml", "[task.judge]\nsuccess = \"caught\"\nreward = \"apex_m\"\n");
-        let stage = Stage { bench, controllers: vec![], learners: vec![], fresh: BTreeSet::new() };
+        let (controllers, learners, up, fresh) = Default::default();
+        let stage = Stage { bench, controllers, learners, up, fresh };
         ["s7", "sessions/pancake-1"].iter().for_each(|name| stage.learnt(learnt, name));
         stage
     }
@@ -121,7 +124,7 @@ impl Stage {
     }
 
     fn controller(&mut self, cell: &str, line: &str) {
-        if self.controllers.iter().any(|(name, _)| name == cell) {
+        if self.has(cell) {
             return;
         }
         // In simulation the pace changes no number.
@@ -130,6 +133,10 @@ impl Stage {
         self.controllers.push((cell.into(), running));
         let status = format!("skillet status --cell {cell}");
         eventually(&status, || self.run(&status).status.success().then_some(()));
+        self.fill(cell);
+    }
+
+    fn fill(&self, cell: &str) {
         // Documents count their policies from 1.
         for id in 1..=3 {
             self.prepare(&format!("skillet policy import s7 --id {id} --cell {cell}"));
@@ -150,6 +157,18 @@ impl Stage {
         self.bench.wait_for_trials(session, 1);
     }
 
+    fn up(&mut self, cell: &str, line: &str) {
+        self.prepare(&format!("{line} --pace max"));
+        self.up.insert(cell.into());
+        if line.contains("--no-learner") {
+            self.fill(cell);
+        }
+    }
+
+    fn has(&self, cell: &str) -> bool {
+        self.up.contains(cell) || self.controllers.iter().any(|(name, _)| name == cell)
+    }
+
     /// Runs a line of a document, and everything it needs before.
     fn play(&mut self, learnt: &Path, line: &Line, all: &[Vec<String>]) {
         for arguments in all {
@@ -159,6 +178,11 @@ impl Stage {
             };
             let service = arguments[0].as_str();
             let text = format!("skillet {}", arguments.join(" "));
+            match arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
+                ["cell", "up", cell, ..] => return self.up(cell, &text),
+                ["cell", "down", cell, ..] => _ = self.up.remove(cell),
+                _ => {}
+            }
             match (service, after("--cell"), after("--session")) {
                 ("controller", cell, _) => {
                     return self.controller(&cell.unwrap_or("skillet".into()), &text);
@@ -205,6 +229,14 @@ impl Stage {
     }
 }
 
+impl Drop for Stage {
+    fn drop(&mut self) {
+        for cell in &self.up {
+            self.run(&format!("skillet cell down {cell}"));
+        }
+    }
+}
+
 /// What to run of a line: the arguments of its commands, unless one of them is another tool's, tested
 /// elsewhere, or a mere mention.
 fn to_run(line: &Line) -> Option<Vec<Vec<String>>> {
@@ -232,7 +264,9 @@ fn is_mention(arguments: &[&str]) -> bool {
     match arguments {
         ["config" | "doctor" | "study"] => false,
         [_] => true,
-        ["policy" | "demo" | "arm", verb] => !["pin", "unpin", "rollback"].contains(verb),
+        ["policy" | "demo" | "arm" | "cell" | "session", verb] => {
+            !["pin", "unpin", "rollback", "list"].contains(verb)
+        }
         ["learner", rest @ ..] => !rest.contains(&"--session"),
         ["policy", "activate" | "show" | "import" | "export" | "forbid" | "allow", flag, ..] => {
             flag.starts_with('-')

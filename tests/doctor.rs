@@ -22,7 +22,7 @@ fn says_in_json_what_it_found() {
         for field in ["name", "found", "why"] {
             assert!(check[field].as_str().is_some_and(|text| !text.is_empty()), "{check}");
         }
-        let has_fix = check["mend"].is_string();
+        let has_fix = check["fix"].is_string();
         assert!(
             if verdict == "good" { !has_fix } else { has_fix || verdict == "unknown" },
             "{check}"

@@ -18,7 +18,7 @@ const NO_CONTROLLER: i32 = 3;
 /// controller, the cell `none` has not.
 type Row = (&'static str, &'static [(i32, &'static str)]);
 
-const ROWS: [Row; 54] = [
+const ROWS: [Row; 61] = [
     ("learn", &[(DONE, "pancake --rollouts 2 --out l"), (ERROR, "pancake --config absent.toml")]),
     ("controller", &[(ERROR, "--cell c1"), (ERROR, "--cell UP"), (ERROR, "--config absent.toml")]),
     ("learner", &[(DONE, "--cell c1 --session s"), (ERROR, "--session l2 --config absent.toml")]),
@@ -116,7 +116,7 @@ const ROWS: [Row; 54] = [
         ],
     ),
     (
-        "demo import",
+        "demo convert",
         &[
             (DONE, "s/demonstration.csv --out d.csv"),
             (NEGATIVE, "far.csv --out far-demo.csv"),
@@ -150,6 +150,12 @@ const ROWS: [Row; 54] = [
         "task serve",
         &[(DONE, "pancake"), (ERROR, "nothing"), (ERROR, "pancake --config absent.toml")],
     ),
+    ("session list", &[(DONE, ""), (DONE, "l"), (ERROR, "file")]),
+    ("session show", &[(DONE, "s"), (ERROR, "nowhere")]),
+    // Up and down with processes: tests/cell_up.rs.
+    ("cell up", &[(ERROR, "UP"), (ERROR, "c9 --config absent.toml"), (ERROR, "c9 --task nothing")]),
+    ("cell down", &[(DONE, "none"), (ERROR, "UP")]),
+    ("cell list", &[(DONE, "")]),
     ("trials", &[(DONE, "s"), (ERROR, "nowhere")]),
     ("report", &[(DONE, "s"), (ERROR, "nowhere")]),
     ("study", &[(DONE, ""), (ERROR, "nothing")]),
@@ -181,6 +187,8 @@ const ROWS: [Row; 54] = [
     ("completions", &[(DONE, "bash"), (ERROR, "tcsh")]),
     ("man", &[(DONE, "--out man"), (ERROR, "--out file/below")]),
     // No commands of their own, but pages of the manual.
+    ("session", &[(ERROR, "")]),
+    ("cell", &[(ERROR, "")]),
     ("policy", &[(ERROR, "")]),
     ("arm", &[(ERROR, "")]),
     ("demo", &[(ERROR, "")]),
@@ -266,15 +274,15 @@ fn as_json(bench: &Bench, arguments: &[&str], code: i32) {
 }
 
 #[test]
-fn the_readme_and_the_help_have_the_same_table() {
+fn the_page_and_the_help_have_the_same_table() {
     let help = Bench::new().ok(&["--help"]);
     let table = help.split("Exit codes of every command:\n").nth(1).unwrap();
     let rows: Vec<(&str, &str)> =
         table.lines().map_while(|line| line.trim().split_once("  ")).collect();
     assert_eq!(rows.len(), 4, "{help}");
-    let readme = include_str!("../README.md");
+    let page = include_str!("../docs/exit-codes.md");
     for (code, meaning) in rows {
         let row = format!("| {code} | {meaning} |");
-        assert!(readme.contains(&row), "README.md has no row `{row}`");
+        assert!(page.contains(&row), "docs/exit-codes.md has no row `{row}`");
     }
 }

@@ -14,7 +14,7 @@ fn trials_come_back_from_csv_bit_for_bit() {
     let header = lines.next().unwrap();
     let trials = bench.trials("s");
     assert_eq!(lines.clone().count(), trials.len());
-    let objects: Vec<Value> = serde_json::from_str(&bench.ok(&["trials", "s", "--json"])).unwrap();
+    let objects = bench.json(&["trials", "s"])["trials"].as_array().unwrap().clone();
     for ((row, trial), object) in lines.zip(&trials).zip(&objects) {
         let text = |name: &str| row[header.iter().position(|column| *column == name).unwrap()];
         let number = |name: &str| text(name).parse::<f64>().unwrap();
@@ -34,7 +34,7 @@ fn trials_come_back_from_csv_bit_for_bit() {
         }
         assert_eq!(text("rollout"), trial.rollout.to_string());
         assert_eq!(text("success"), trial.success.to_string());
-        assert_eq!((text("set_aside"), text("fault")), ("false", "0"));
+        assert_eq!((text("set_aside"), text("fault_code")), ("false", "0"));
         assert_eq!(text("policy_digest"), format!("{:016x}", trial.policy_digest));
         assert_eq!(object["policy_id"], trial.policy_id);
     }

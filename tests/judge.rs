@@ -36,8 +36,7 @@ fn a_written_reward_is_the_built_in_one_to_the_last_bit() {
     let again = ["judge", "--again", "built-in", "--config", "written.toml"];
     let said = bench.ok(&again);
     assert!(said.contains("12 trials re-judged: 0 with another reward, 0 with another"), "{said}");
-    let rows: Vec<Value> =
-        serde_json::from_str(&bench.ok(&[&again[..], &["--json"]].concat())).unwrap();
+    let rows = bench.json(&again)["trials"].as_array().unwrap().clone();
     assert!(rows.len() == 12 && rows.iter().all(|row| row["before"] == row["now"]));
 }
 
@@ -125,9 +124,9 @@ fn a_rollout_without_a_verdict_is_set_aside_and_the_session_goes_on() {
 fn every_task_is_listed_with_its_measures() {
     let bench = Bench::new();
     let text = bench.ok(&["task", "list"]);
-    let objects: Vec<Value> = serde_json::from_str(&bench.ok(&["task", "list", "--json"])).unwrap();
-    for object in &objects {
-        assert!(text.contains(object["name"].as_str().unwrap()));
+    let objects = &bench.json(&["task", "list"])["tasks"];
+    for object in objects.as_array().unwrap() {
+        assert!(text.contains(object["task"].as_str().unwrap()));
         assert!(!object["measures"].as_object().unwrap().is_empty(), "{object}");
     }
     assert_eq!(objects[0]["measures"]["flip_angle_rad"], "rad");

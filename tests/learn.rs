@@ -17,7 +17,7 @@ fn learns_writes_a_session_and_says_so_in_one_json_object() {
     for key in ["task", "seed", "rollouts", "first_success", "success_last20", "best_reward"] {
         assert!(summary.get(key).is_some(), "{key} is missing in {summary}");
     }
-    assert_eq!(summary["rollouts"], 12);
+    assert_eq!(summary["trials"], 12);
     assert_eq!(summary["task"], "pancake");
     assert!(summary["rollouts_per_s"].as_f64().unwrap() > 0.0);
     assert!(summary["wall_s"].as_f64().unwrap() > 0.0);
@@ -146,11 +146,11 @@ fn policies_can_be_listed_and_shown() {
     bench.ok(&[&learn("s")[..], &["--rollouts", "3"]].concat());
     let listed: Value =
         serde_json::from_str(&bench.ok(&["policy", "list", "s", "--json"])).unwrap();
-    assert_eq!(listed.as_array().unwrap().len(), 3);
+    assert_eq!(listed["policies"].as_array().unwrap().len(), 3);
     assert!(bench.ok(&["policy", "list", "s", "--best", "1"]).lines().count() == 2);
     let shown: Value =
         serde_json::from_str(&bench.ok(&["policy", "show", "s", "2", "--json"])).unwrap();
-    assert_eq!(shown["components"].as_array().unwrap().len(), 8);
+    assert_eq!(shown["policy"]["components"].as_array().unwrap().len(), 8);
     assert!(bench.ok(&["policy", "show", "s", "0"]).contains("component 8"));
     bench.refused(&["policy", "show", "s", "99"], &["policy 99", "policy list"]);
 }

@@ -79,13 +79,16 @@ fn a_swap_is_acknowledged_with_its_tick_and_leads_both_ways() {
     live.import(&rocking(0.04));
 
     let first: Value = serde_json::from_str(&live.policy(&["activate", "1", "--json"])).unwrap();
-    assert_eq!(first["policy_id"], 1);
+    assert_eq!(first["policy"]["policy_id"], 1);
     assert_eq!(live.status().applied_tick, first["applied_tick"].as_u64().unwrap());
     let pinned: Value = serde_json::from_str(&live.policy(&["pin", "--json"])).unwrap();
-    assert_eq!((&pinned["active"], &pinned["pinned"]), (&"1".into(), &true.into()));
+    assert_eq!(
+        (&pinned["active_policy"]["policy_id"], &pinned["pinned"]),
+        (&1.into(), &true.into())
+    );
     let second: Value =
         serde_json::from_str(&live.policy(&["activate", "2", "--at", "now", "--json"])).unwrap();
-    assert_eq!(second["policy_id"], 2);
+    assert_eq!(second["policy"]["policy_id"], 2);
     assert!(second["applied_tick"].as_u64() > first["applied_tick"].as_u64());
     assert!(second["latency_ms"].as_f64().is_some_and(|ms| ms > 0.0));
 
@@ -100,7 +103,7 @@ fn a_swap_is_acknowledged_with_its_tick_and_leads_both_ways() {
     let exported = live.policy(&["export", "2"]);
     assert_eq!(policy_json::from_json(&exported).unwrap().digest, rocking(0.04).digest);
     let list: Value = serde_json::from_str(&live.policy(&["list", "--json"])).unwrap();
-    assert_eq!((&list["active"], &list["pinned"]), (&"1".into(), &true.into()));
+    assert_eq!((&list["active_policy"]["policy_id"], &list["pinned"]), (&1.into(), &true.into()));
 
     live.policy(&["forbid", "2"]);
     live.refused(&["activate", "2"], &["policy 2 is forbidden", "allow 2"]);

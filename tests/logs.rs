@@ -132,7 +132,7 @@ fn learn_ends_well_without_anybody_who_sees_its_progress() {
         let output = learn.wait();
         assert_eq!(output.status.code(), Some(0), "{why}");
         let summary: Value = serde_json::from_slice(&output.stdout).unwrap();
-        assert_eq!(summary["rollouts"], 20, "{why}");
+        assert_eq!(summary["trials"], 20, "{why}");
     }
 }
 

@@ -56,12 +56,12 @@ fn the_elbow_goes_aside_while_a_policy_is_served_and_comes_back() {
     let moved = ask(&["--joint", "1", "--by", "0.4", "--json"]);
     assert!(moved.status.success(), "{}", util::stderr(&moved));
     let moved: Value = serde_json::from_slice(&moved.stdout).unwrap();
-    assert_eq!(moved["offset_rad"], json!([0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]));
-    assert_eq!((&moved["cell"], &moved["in_s"]), (&"c1".into(), &1.0.into()));
+    assert_eq!(moved["posture_offset_rad"], json!([0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]));
+    assert_eq!((&moved["cell"], &moved["posture_in_s"]), (&"c1".into(), &1.0.into()));
     assert!(moved["applied_tick"].is_u64() && moved["latency_ms"].as_f64() > Some(0.0));
     until(&bench, "an elbow aside", |tick| tick.q[0] > 0.15 && tick.q[2] < -0.15);
     let told = status(&bench).unwrap();
-    assert_eq!(told["posture_offset_rad"], moved["offset_rad"]);
+    assert_eq!(told["posture_offset_rad"], moved["posture_offset_rad"]);
     assert_eq!((&told["posture_in_s"], &told["health"]), (&1.0.into(), &"ok".into()));
     let note = told["notes"].to_string();
     assert!(note.contains("0.4 rad at joint 1") && note.contains("posture --reset"), "{note}");
@@ -79,7 +79,7 @@ fn the_elbow_goes_aside_while_a_policy_is_served_and_comes_back() {
     ] {
         bench.refused(&[&["posture", "--cell", "c1"], arguments].concat(), &words);
     }
-    assert_eq!(status(&bench).unwrap()["posture_offset_rad"], moved["offset_rad"]);
+    assert_eq!(status(&bench).unwrap()["posture_offset_rad"], moved["posture_offset_rad"]);
 
     let said = bench.ok(&["posture", "--reset", "--cell", "c1"]);
     assert!(said.contains("returns to its start within 1.0 s"), "{said}");

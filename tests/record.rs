@@ -177,7 +177,7 @@ fn a_running_cell_is_recorded_without_a_gap_and_by_rollout() {
     bench.wait_for_trials("s", 1);
     let record = ["record", "--cell", "c1", "--by-rollout", "--duration-s", "5", "--json"];
     let said: Value = serde_json::from_str(&bench.ok(&record)).unwrap();
-    assert_eq!(said["lost_ticks"], 0);
+    assert_eq!(said["ticks_lost"], 0);
     let files = said["files"].as_array().unwrap();
     assert!(files.len() >= 3, "{said}");
     let mut all = Vec::new();
@@ -187,7 +187,7 @@ fn a_running_cell_is_recorded_without_a_gap_and_by_rollout() {
         all.extend(ticks(&topics));
     }
     assert!(is_gapless(&all));
-    assert_eq!(Some(all.len() as u64), said["ticks"].as_u64());
+    assert_eq!(Some(all.len() as u64), said["ticks_seen"].as_u64());
     assert!(all.iter().all(|tick| tick.tick_ns.is_some()));
     assert!(all.iter().filter(|tick| tick.phase >= 2).all(|tick| !tick.activations.is_empty()));
 }

@@ -123,7 +123,7 @@ fn the_archive_installs_below_a_prefix() {
         ("share/man/man1/skillet-policy-activate.1", ".TH"),
         ("share/bash-completion/completions/skillet", "_skillet"),
         ("share/zsh/site-functions/_skillet", "#compdef skillet"),
-        ("share/fish/vendor_completions.d/skillet.fish", "complete -c skillet"),
+        ("share/fish/vendor_completions.d/skillet.fish", "--command skillet"),
         ("share/doc/skillet/LICENSE-MIT", "MIT License"),
         ("share/doc/skillet/LICENSE-APACHE", "Apache License"),
         ("share/doc/skillet/LICENSE-THIRD-PARTY", "\niceoryx2 "),

@@ -163,7 +163,10 @@ fn an_episode_survives_the_death_of_both() {
     assert_eq!(status(&bench).unwrap()["rollouts_done"], 0, "nothing was executed again");
     let trials = bench.trials("s");
     assert_eq!(trials.len(), 2);
-    assert!(trials.iter().all(|trial| first_boot == trial.boot_id), "{first_boot}");
+    assert!(
+        trials.iter().all(|trial| first_boot == format!("{:016x}", trial.boot_id)),
+        "{first_boot}"
+    );
     bench.ok(&["learn", "pancake", "--seed", "3", "--rollouts", "2", "--out", "undisturbed"]);
     assert_eq!(bits(&trials), bits(&bench.trials("undisturbed")));
 }

@@ -146,7 +146,7 @@ fn a_soak_is_asked_once_or_twice() {
     let output = once.wait();
     let summary: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(output.status.code(), Some(1), "{summary:#}");
-    assert_eq!((&summary["good"], &summary["failures"]), (&true.into(), &serde_json::json!([])));
+    assert_eq!((&summary["passed"], &summary["failures"]), (&true.into(), &serde_json::json!([])));
 
     let soak = ["soak", "--minutes", "5", "--rollouts", "500", "--out", "p"];
     let twice = bench.start(&soak);

@@ -13,7 +13,7 @@ fn a_short_soak_loses_nothing_and_leaves_nothing() {
     let summary: Value = serde_json::from_slice(&output.stdout)
         .unwrap_or_else(|error| panic!("{error}: {}", util::stderr(&output)));
     assert_eq!(output.status.code(), Some(0), "{summary:#}");
-    assert_eq!(summary["good"], true);
+    assert_eq!(summary["passed"], true);
     let both = &summary["cells"]["both"];
     // What it says it did, it must have done.
     assert!(both["controller"]["kills"].as_u64() > Some(0), "{summary:#}");

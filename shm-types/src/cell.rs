@@ -154,16 +154,21 @@ impl Cell {
         }
     }
 
+    /// The cells with a folder in `runtime_dir`, by name, whether a process uses them or not.
+    pub fn all_in(runtime_dir: &Path) -> Vec<Cell> {
+        let entries = fs::read_dir(runtime_dir).into_iter().flatten().flatten();
+        let folders = entries.filter(|entry| entry.path().is_dir());
+        let named =
+            folders.filter_map(|entry| Cell::in_dir(runtime_dir, entry.file_name().to_str()?).ok());
+        let mut cells: Vec<Cell> = named.collect();
+        cells.sort_by(|a, b| a.name.cmp(&b.name));
+        cells
+    }
+
     /// Removes what dead processes left of the cells whose name begins with `prefix`.
     pub fn remove_idle(runtime_dir: &Path, prefix: &str) {
-        let Ok(entries) = fs::read_dir(runtime_dir) else { return };
-        for entry in entries.flatten() {
-            if let Some(name) = entry.file_name().to_str().filter(|name| name.starts_with(prefix))
-                && let Ok(cell) = Cell::in_dir(runtime_dir, name)
-            {
-                cell.remove_if_idle();
-            }
-        }
+        let cells = Cell::all_in(runtime_dir).into_iter();
+        cells.filter(|cell| cell.name.starts_with(prefix)).for_each(|cell| cell.remove_if_idle());
     }
 
     /// Removes everything the cell shares, unless a process uses it.
@@ -301,6 +306,10 @@ pub fn runtime_dir() -> PathBuf {
         _ => PathBuf::from(format!("/tmp/skillet-{}", uid())),
     }
 }
+
+mod holder;
+
+pub use holder::Holder;
 
 #[cfg(test)]
 mod tests;

@@ -82,7 +82,7 @@ pub fn text(checked: &Checked, args: &CheckArgs) -> Result<String> {
     writeln!(out, "\nNext, with demos/pancake.csv or your own recording:\n")?;
     writeln!(
         out,
-        "  skillet demo import demos/pancake.csv --at-start --config {config} --out {demonstration}"
+        "  skillet demo convert demos/pancake.csv --at-start --config {config} --out {demonstration}"
     )?;
     writeln!(out, "  skillet learn pancake --config {config}")?;
     Ok(out)

@@ -15,6 +15,7 @@ pub struct DemoArgs {
 #[derive(Subcommand)]
 pub enum DemoVerb {
     /// Convert a recording of joint angles or poses, or a dmpbbo primitive, to a demonstration
+    #[command(name = "convert", alias = "import")]
     Import(ImportArgs),
     /// Add a demonstration to a session
     Add(AddArgs),
@@ -25,7 +26,7 @@ pub enum DemoVerb {
 Example:
   skillet demo add sessions/pancake-1 my_demo.csv
 
-The demonstration must match the session's arm and length, in the format that `skillet demo import` writes.
+The demonstration must match the session's arm and length, in the format that `skillet demo convert` writes.
 From the next rollout on, the search alternates between its starts, this one first. A running learner picks
 it up between two rollouts; otherwise it takes effect when the session is resumed.")]
 pub struct AddArgs {
@@ -41,11 +42,11 @@ pub struct AddArgs {
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
-  skillet demo import recording.csv --out my_demo.csv
-  skillet demo import joints.csv --config my.toml --smooth-s 0.03 --start 1.2 --end 3.0 --out my_demo.csv
-  skillet demo import elsewhere.csv --at-start --slow 2 --out my_demo.csv
-  skillet demo import log.txt --columns t_ms=stamp,q1=joint_a,q2_deg=joint_b --out my_demo.csv
-  skillet demo import primitive.json --out my_demo.csv
+  skillet demo convert recording.csv --out my_demo.csv
+  skillet demo convert joints.csv --config my.toml --smooth-s 0.03 --start 1.2 --end 3.0 --out my_demo.csv
+  skillet demo convert elsewhere.csv --at-start --slow 2 --out my_demo.csv
+  skillet demo convert log.txt --columns t_ms=stamp,q1=joint_a,q2_deg=joint_b --out my_demo.csv
+  skillet demo convert primitive.json --out my_demo.csv
 
 Reads any text table: commas, semicolons, tabs, spaces or | between columns, decimal point or comma,
 UTF-8, UTF-16 or Latin-1, comments after #, % or //. Columns may be in any order; others are ignored:

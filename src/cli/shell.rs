@@ -15,7 +15,9 @@ pub enum Shell {
 #[command(after_help = "\
 Examples:
   skillet completions bash > ~/.local/share/bash-completion/completions/skillet
-  skillet completions fish > ~/.config/fish/completions/skillet.fish")]
+  skillet completions fish > ~/.config/fish/completions/skillet.fish
+
+The script asks `skillet` itself: it completes commands and flags, running cells, sessions, studies and tasks.")]
 pub struct CompletionsArgs {
     pub shell: Shell,
 }

@@ -7,6 +7,7 @@ use physics::arm::urdf::{self, UrdfError};
 use crate::Verdict;
 use crate::arm_check::{self, Refusal, report};
 use crate::cli::arm::{ArmArgs, ArmVerb, CheckArgs};
+use crate::fields;
 use crate::output::{print, print_json, write_new};
 
 pub fn run(args: &ArmArgs) -> Result<Verdict> {
@@ -24,7 +25,7 @@ fn check(args: &CheckArgs) -> Result<Verdict> {
                 write_new(path, &checked.configuration(path.parent())?)?;
             }
             match args.json {
-                true => print_json(&report::json(&checked, args)?)?,
+                true => print_json(&fields::short(report::json(&checked, args)?))?,
                 false => print(&report::text(&checked, args)?)?,
             }
             return Ok(Verdict::Done);

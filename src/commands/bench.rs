@@ -5,6 +5,7 @@ use anyhow::Result;
 use crate::Verdict;
 use crate::bench::{Bench, Plan, latency, learner, output, sim, swap, tick, transport};
 use crate::cli::bench::{BenchArgs, BenchOptions, BenchVerb};
+use crate::fields;
 use crate::host::Host;
 use crate::output::{print, print_json};
 use crate::stderr::say;
@@ -35,7 +36,7 @@ fn measure(bench: &Bench, options: &BenchOptions, n: Option<u64>) -> Result<()> 
     let seconds = options.seconds.unwrap_or(bench.seconds);
     let rows = (bench.run)(&Plan { seconds, rounds: options.rounds.get(), n })?;
     if options.json {
-        print_json(&output::as_json(bench, &host, &rows))?;
+        print_json(&fields::short(output::as_json(bench, &host, &rows)))?;
     } else {
         print(&output::as_text(&host, &rows))?;
     }

@@ -16,11 +16,14 @@ use crate::config::Config;
 use crate::metrics::Endpoint;
 use crate::signals::{Who, stop_flag};
 use crate::tasks::{ArmWorld, World};
-use crate::{external, holding, log, reload, setup};
+use crate::{background, external, holding, log, reload, setup};
 
 pub fn run(args: &ControllerArgs) -> Result<Verdict> {
     if let Some(parent) = args.child {
         setup::end_with_parent(parent)?;
+    }
+    if let Some(log) = &args.background {
+        background::enter(log)?;
     }
     let written = Config::load(args.config.as_deref())?;
     let mut config = written.clone();

@@ -10,6 +10,7 @@ use super::report::open;
 use crate::Verdict;
 use crate::cli::convert::ConvertArgs;
 use crate::config::Config;
+use crate::fields;
 use crate::output::{print, print_json};
 use crate::record::messages::{Measures, Outcome, Policy, Trial};
 use crate::ros2::bag::Contents;
@@ -22,10 +23,11 @@ use crate::setup;
 pub fn run(args: &ConvertArgs) -> Result<Verdict> {
     let is_session = args.input.is_dir();
     let (bag, is_same) = if is_session { session(args)? } else { (recording(args)?, true) };
-    let (seconds, n_messages) = (bag.duration_ns as f64 * 1e-9, bag.messages.values().sum::<u64>());
+    let (seconds, n_messages) =
+        (fields::seconds(bag.duration_ns), bag.messages.values().sum::<u64>());
     if args.json {
         let mut object = json!({
-            "bag": bag.folder, "seconds": seconds, "messages": n_messages, "topics": bag.messages,
+            "bag": bag.folder, "duration_s": seconds, "messages": n_messages, "topics": bag.messages,
             "bytes": bag.bytes,
         });
         if is_session {

@@ -11,7 +11,7 @@ use crate::demo::{self, Effort, Options, Summary};
 use crate::output::{print, print_json, write_new};
 use crate::session_folder::SessionFolder;
 use crate::stderr::say;
-use crate::{holding, people, setup};
+use crate::{fields, holding, people, setup};
 
 pub fn run(args: &DemoArgs) -> Result<Verdict> {
     match &args.verb {
@@ -93,7 +93,7 @@ fn import(args: &ImportArgs) -> Result<Verdict> {
         misfit,
     };
     if args.json {
-        print_json(&summary.json())?;
+        print_json(&fields::short(summary.json()))?;
     } else {
         print(&summary.text())?;
     }

@@ -68,7 +68,8 @@ fn again(session: &Path, config_path: &Path, as_json: bool) -> Result<Verdict> {
     let measured = trials.iter().filter(|trial| !trial.measures.is_empty());
     let judged: Vec<Again> = measured.map(|trial| Again::of(trial, judge.as_ref())).collect();
     if as_json {
-        print_json(&judged.iter().map(Again::json).collect::<Vec<_>>())?;
+        let trials: Vec<_> = judged.iter().map(Again::json).collect();
+        print_json(&json!({ "session": folder.dir(), "trials": trials }))?;
     } else {
         print(&text(&judged, trials.len() - judged.len()))?;
     }

@@ -22,13 +22,14 @@ use shm_types::plant::socket::PLANT_VARIABLE;
 use shm_types::ports::ToolPorts;
 
 use crate::Verdict;
+use crate::cell::PRIVATE;
 use crate::children::Service;
 use crate::cli::LearnArgs;
 use crate::config::Config;
 use crate::config::judge::absolute;
 use crate::config::plant::PlantKind;
 use crate::judging::command;
-use crate::output::{print, print_json};
+use crate::output::{json_line, print, print_json};
 use crate::progress::{Progress, TrialLine};
 use crate::robots::Robot;
 use crate::session_folder::SessionFolder;
@@ -37,7 +38,6 @@ use crate::stderr::say;
 use crate::summary::Summary;
 use crate::{commands, external, health, judging, setup};
 
-const PRIVATE_CELL: &str = "learn-";
 const WATCH: Duration = Duration::from_millis(50);
 /// Between two looks at an arm from which no trial comes.
 const LOOK: Duration = Duration::from_secs(2);
@@ -46,8 +46,8 @@ pub fn run(args: &LearnArgs) -> Result<Verdict> {
     let (folder, config) = prepare(args)?;
     let stop = stop_flag(Who::Tool)?;
     // A cell of its own: sessions on one machine do not meet. One that was killed left its own.
-    Cell::remove_idle(&runtime_dir(), PRIVATE_CELL);
-    let name = format!("{PRIVATE_CELL}{}", std::process::id());
+    Cell::remove_idle(&runtime_dir(), PRIVATE);
+    let name = format!("{PRIVATE}{}", std::process::id());
     let cells = (0..args.cells.into()).map(|k| Cell::new(&numbered(&name, k)));
     let cells = cells.collect::<Result<Vec<Cell>, CellError>>()?;
     let start = Instant::now();
@@ -57,7 +57,7 @@ pub fn run(args: &LearnArgs) -> Result<Verdict> {
     if run.interrupted && !folder.database().exists() {
         let dir = folder.dir();
         if args.json {
-            print_json(&json!({ "session": dir, "interrupted": true, "rollouts": 0 }))?;
+            print_json(&json!({ "session": dir, "interrupted": true, "trials": 0 }))?;
         }
         say(&format!("stopped before the first rollout; resume with --out {}", dir.display()));
         return Ok(Verdict::Negative);
@@ -66,7 +66,7 @@ pub fn run(args: &LearnArgs) -> Result<Verdict> {
     let summary = summary(&folder, &config, &run, start.elapsed())?;
     let report = commands::report::write(&folder, &summary.notes())?;
     if args.json {
-        print(&format!("{}\n", summary.json(&report)))?;
+        print(&json_line(&summary.json(&report))?)?;
     } else {
         print(&summary.text(&report))?;
     }
@@ -438,6 +438,7 @@ fn summary(folder: &SessionFolder, config: &Config, run: &Run, wall: Duration) -
         task: config.task.name.clone(),
         success: config.success()?,
         seed: config.learner.seed,
+        rollouts: config.learner.rollouts,
         result,
         folder: folder.clone(),
         wall,

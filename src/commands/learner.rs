@@ -20,15 +20,16 @@ use crate::cli::{LearnerArgs, PaceArg};
 use crate::config::Config;
 use crate::config::judge::absolute;
 use crate::judging::command;
+use crate::output::json_line;
 use crate::progress::TrialLine;
 use crate::record::file::recover_left;
 use crate::record::recorder::Limits;
 use crate::record::session::SessionRecorder;
-use crate::resume::resume;
+use crate::resume::{open_or_create, resume};
 use crate::session_folder::SessionFolder;
 use crate::signals::{Who, stop_flag};
 use crate::stderr::{self, Sink};
-use crate::{judging, log, record, reload, setup};
+use crate::{background, judging, log, record, reload, setup};
 
 /// A further recording begins when one has grown so large.
 const RECORDING_BYTES: u64 = 512_000_000;
@@ -39,18 +40,12 @@ pub fn run(args: &LearnerArgs) -> Result<Verdict> {
     if let Some(parent) = args.child {
         setup::end_with_parent(parent)?;
     }
-    let folder = SessionFolder::at(&args.session);
-    if folder.has_session() {
-        if let Some(path) = &args.config {
-            folder.expect_same_world(&Config::load(Some(path))?)?;
-        }
-    } else {
-        let config = Config::load(args.config.as_deref())?;
-        setup::check(&config)?;
-        judging::judge(&config)?;
-        folder.write(&config)?;
+    if let Some(log) = &args.background {
+        background::enter(log)?;
     }
-    let config = Config::load(Some(&folder.config_path()))?;
+    let folder = SessionFolder::at(&args.session);
+    let given = args.config.as_deref().map(|path| Config::load(Some(path))).transpose()?;
+    let config = open_or_create(&folder, given.as_ref())?;
     config.task.judge.as_ref().map_or(Ok(()), command::check)?;
     if args.pace != PaceArg::Max {
         leave_core(loop_core(config.controller.cpu)); // before a thread starts
@@ -202,8 +197,8 @@ impl Log {
             Event::Trial { cell, report: trial } => {
                 line.add(trial);
                 if let Some(out) = out {
-                    if let Ok(text) = serde_json::to_string(line) {
-                        out.push(format!("{text}\n").into_bytes());
+                    if let Ok(text) = json_line(line) {
+                        out.push(text.into_bytes());
                     }
                     line.refused = None;
                 } else {

@@ -15,6 +15,7 @@ use shm_types::random_id;
 use crate::Verdict;
 use crate::cell::NamedCell;
 use crate::cli::AtArg;
+use crate::fields;
 use crate::output::{print, print_json};
 
 /// Timeouts of a command that takes effect immediately, and of one that may wait for a rollout and an approach.
@@ -33,7 +34,7 @@ pub fn import(cell: &NamedCell, policy: PolicyMsg, as_json: bool) -> Result<Verd
     let (reply, _) = cell.request(&Command { policy, ..command(COMMAND_IMPORT) }, SOON)?;
     let (id, digest) = (reply.policy.policy_id, reply.policy.digest);
     if as_json {
-        print_json(&json!({ "policy_id": id, "digest": format!("{digest:016x}") }))?;
+        print_json(&json!({ "policy_id": id, "policy_digest": fields::id(digest) }))?;
     } else {
         let name = cell.cell.name();
         print(&format!(
@@ -70,12 +71,10 @@ fn swap(cell: &NamedCell, command: Command, at: AtArg, as_json: bool) -> Result<
     let (reply, sent_ns) = cell.request(&Command { at, ..command }, timeout)?;
     let age = Duration::from_nanos(now_ns().saturating_sub(reply.applied_ns));
     let applied = (SystemTime::now() - age).duration_since(UNIX_EPOCH)?;
-    let latency_ms = reply.applied_ns.saturating_sub(sent_ns) as f64 * 1e-6;
+    let latency_ms = fields::ms(reply.applied_ns.saturating_sub(sent_ns));
     if as_json {
         print_json(&json!({
-            "policy_id": reply.policy.policy_id,
-            "session": reply.policy.session,
-            "digest": format!("{:016x}", reply.policy.digest),
+            "policy": fields::policy(&reply.policy),
             "applied_tick": reply.applied_tick,
             "applied_monotonic_ns": reply.applied_ns,
             "applied_unix_s": applied.as_secs_f64(),
@@ -103,8 +102,11 @@ pub fn change(cell: &NamedCell, kind: u64, policy_id: u64, as_json: bool) -> Res
     let status = &reply.status;
     let (active, good) = (status.active.describe(), status.last_good.describe());
     if as_json {
-        let pinned = status.pinned == 1;
-        print_json(&json!({ "active": active, "pinned": pinned, "last_good": good }))?;
+        print_json(&json!({
+            "active_policy": fields::policy(&status.active),
+            "pinned": status.pinned == 1,
+            "last_good_policy": fields::policy(&status.last_good),
+        }))?;
     } else {
         let pinned =
             if status.pinned == 1 { "pinned" } else { "not pinned: learners take precedence" };
@@ -133,7 +135,7 @@ pub fn list(cell: &NamedCell, as_json: bool) -> Result<Verdict> {
         let row = |policy: &PolicyMsg| {
             json!({
                 "policy_id": policy.policy_id,
-                "digest": format!("{:016x}", policy.digest),
+                "policy_digest": fields::id(policy.digest),
                 "components": policy.n_components,
                 "systems": policy.n_systems,
                 "task_dim": policy.task_dim,
@@ -142,10 +144,11 @@ pub fn list(cell: &NamedCell, as_json: bool) -> Result<Verdict> {
             })
         };
         let rows: Vec<_> = state.policies.values().map(row).collect();
-        let good = state.last_good.map(|good| good.name().describe());
-        let active = state.active.map(|active| active.name().describe());
         print_json(&json!({
-            "state_dir": dir, "active": active, "pinned": state.pinned, "last_good": good,
+            "state_dir": dir,
+            "active_policy": state.active.map(|active| fields::policy(&active.name())),
+            "pinned": state.pinned,
+            "last_good_policy": state.last_good.map(|good| fields::policy(&good.name())),
             "policies": rows,
         }))?;
         return Ok(Verdict::Done);

@@ -3,6 +3,7 @@
 pub mod arm;
 pub mod bench;
 pub mod bridge;
+pub mod cell;
 pub mod child;
 pub mod config;
 pub mod controller;
@@ -22,6 +23,7 @@ pub mod record;
 pub mod repertoire;
 pub mod replay;
 pub mod report;
+pub mod session;
 pub mod shell;
 pub mod soak;
 pub mod status;

@@ -126,7 +126,7 @@ pub fn list(session: &Path, prefer: Option<PreferArg>, as_json: bool) -> Result<
         let row =
             |(report, policy): &(ModeReport, PolicyMsg)| row(report, policy.policy_id, answer);
         let rows: Vec<_> = found.modes.iter().map(row).collect();
-        print_json(&rows)?;
+        print_json(&json!({ "session": session, "modes": rows }))?;
         return Ok(Verdict::Done);
     }
     let mut text = "mode  prior  trials  best reward  at rollout  tolerance  policy\n".to_string();
@@ -160,7 +160,7 @@ fn row(report: &ModeReport, policy_id: u64, answer: Option<usize>) -> serde_json
         "tolerance": report.tolerance,
         "policy_id": policy_id,
         "forbidden": report.forbidden,
-        "answer": answer == Some(report.number),
+        "selected": answer == Some(report.number),
     })
 }
 

@@ -16,6 +16,7 @@ use super::{live, modes, repertoire};
 use crate::Verdict;
 use crate::cell::NamedCell;
 use crate::cli::{CellArgs, ChoiceArgs, FormatArg, PolicyArgs, PolicyVerb};
+use crate::fields;
 use crate::output::{print, print_json};
 use crate::policy_file;
 use crate::session_folder::SessionFolder;
@@ -102,7 +103,7 @@ fn list(store: &Store, best: Option<usize>, as_json: bool) -> Result<Verdict> {
     }
     if as_json {
         let rows: Vec<_> = trials.iter().map(row).collect();
-        print_json(&rows)?;
+        print_json(&json!({ "policies": rows }))?;
         return Ok(Verdict::Done);
     }
     let is_action = store.meta().learner.action.is_used();
@@ -141,14 +142,15 @@ fn table(trials: &[TrialRecord], measures: &Declared, is_action: bool) -> String
 }
 
 fn row(trial: &TrialRecord) -> serde_json::Value {
-    let measures = trial.measures.iter().map(|measure| (measure.name, measure.value));
+    let measures = trial.measures.iter();
+    let measures = measures.map(|one| (one.name.to_string(), fields::measure(&one)));
     json!({
         "policy_id": trial.policy_id,
         "rollout": trial.rollout,
         "reward": trial.reward,
         "success": trial.success,
         "applied_tick": trial.applied_tick,
-        "fault": trial.fault,
+        "fault_code": trial.fault,
         "measures": measures.collect::<std::collections::BTreeMap<_, _>>(),
     })
 }
@@ -174,7 +176,9 @@ fn of_session(session: &Path, id: u64) -> Result<PolicyMsg> {
 
 fn show(policy: &PolicyMsg, as_json: bool) -> Result<Verdict> {
     if as_json {
-        print(&format!("{}\n", policy_json::to_json(policy)?))?;
+        let text: serde_json::Value = serde_json::from_str(&policy_json::to_json(policy)?)?;
+        let (policy_id, rollout) = (policy.policy_id, policy.rollout);
+        print_json(&json!({ "policy_id": policy_id, "rollout": rollout, "policy": text }))?;
     } else {
         print(&as_text(policy))?;
     }

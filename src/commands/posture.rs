@@ -10,8 +10,8 @@ use shm_types::{MAX_JOINTS, random_id};
 use crate::Verdict;
 use crate::cell::NamedCell;
 use crate::cli::arm::PostureArgs;
-use crate::health;
 use crate::output::{print, print_json};
+use crate::{fields, health};
 
 const SOON: Duration = Duration::from_secs(5);
 
@@ -25,10 +25,10 @@ pub fn run(args: &PostureArgs) -> Result<Verdict> {
     if args.json {
         print_json(&json!({
             "cell": name,
-            "offset_rad": posture,
-            "in_s": in_s,
+            "posture_offset_rad": posture,
+            "posture_in_s": in_s,
             "applied_tick": tick,
-            "latency_ms": reply.applied_ns.saturating_sub(sent_ns) as f64 * 1e-6,
+            "latency_ms": fields::ms(reply.applied_ns.saturating_sub(sent_ns)),
         }))?;
         return Ok(Verdict::Done);
     }

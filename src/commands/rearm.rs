@@ -3,8 +3,10 @@
 use std::time::Duration;
 
 use anyhow::Result;
+use rt_controller::fault::Fault;
 use serde_json::json;
 use shm_types::command::{COMMAND_HOLD, COMMAND_REARM, Command};
+use shm_types::episode::FAULT_HELD;
 use shm_types::random_id;
 
 use crate::Verdict;
@@ -28,7 +30,7 @@ pub fn run(args: &RearmArgs) -> Result<Verdict> {
 pub fn hold(args: &HoldArgs) -> Result<Verdict> {
     let name = request(&args.cell, COMMAND_HOLD)?;
     if args.json {
-        print_json(&json!({ "cell": name, "held": true }))?;
+        print_json(&json!({ "cell": name, "latched_fault": Fault::describe(FAULT_HELD as u32) }))?;
     } else {
         print(&format!(
             "the arm of cell {name} is held; run `skillet rearm --cell {name}` to resume\n"

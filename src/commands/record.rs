@@ -76,8 +76,8 @@ pub fn run(args: &RecordArgs) -> Result<Verdict> {
     let files = recorder.finish()?;
     if args.json {
         print_json(&json!({
-            "files": files, "seconds": elapsed.as_secs_f64(), "ticks": watcher.ticks,
-            "lost_ticks": watcher.lost, "bytes": bytes,
+            "files": files, "duration_s": elapsed.as_secs_f64(), "ticks_seen": watcher.ticks,
+            "ticks_lost": watcher.lost, "bytes": bytes,
         }))?;
     } else {
         for file in &files {

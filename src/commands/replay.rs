@@ -37,7 +37,7 @@ pub fn run(args: &ReplayArgs) -> Result<Verdict> {
     let path = write(&config, trial, &replayed, &args.out.clone().unwrap_or_else(default))?;
     let is_same = replayed.is_same(trial);
     if args.json {
-        print_json(&json!({ "trial": rollout, "identical": is_same, "recording": path }))?;
+        print_json(&json!({ "rollout": rollout, "identical": is_same, "recording": path }))?;
     } else {
         let verdict = if is_same { "identical, bit for bit" } else { "DIFFERENT" };
         print(&format!("trial {rollout}: {verdict}\n{}\n", path.display()))?;

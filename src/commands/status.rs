@@ -17,10 +17,9 @@ use crate::cli::StatusArgs;
 use crate::health::{self, Health};
 use crate::output::{print, print_json};
 use crate::watch::vitals::Presence;
-use crate::{Verdict, exit};
+use crate::{Verdict, exit, fields};
 
 const TIMEOUT: Duration = Duration::from_secs(1);
-const PHASES: [&str; 4] = ["idle", "approach", "execute", "settle"];
 
 pub fn run(args: &StatusArgs) -> Result<Verdict> {
     let named = NamedCell::of(&args.cell)?;
@@ -63,10 +62,6 @@ fn absent(cell: &Cell, error: ChannelError, as_json: bool) -> Result<Verdict> {
     Ok(Verdict::NoController)
 }
 
-fn phase(status: &Status) -> &'static str {
-    PHASES.get(status.phase as usize).copied().unwrap_or("unknown")
-}
-
 /// The hardware fault that holds the arm.
 fn latched(status: &Status) -> Option<&'static str> {
     (status.latched_fault != 0).then(|| Fault::describe(status.latched_fault as u32))
@@ -77,7 +72,7 @@ fn learner_age_s(status: &Status) -> Option<f64> {
 }
 
 fn seconds(ns: u64) -> Option<f64> {
-    (ns != u64::MAX).then_some(ns as f64 * 1e-9)
+    (ns != u64::MAX).then(|| fields::seconds(ns))
 }
 
 fn as_json(cell: &Cell, status: &Status) -> serde_json::Value {
@@ -88,17 +83,17 @@ fn as_json(cell: &Cell, status: &Status) -> serde_json::Value {
         "health": health,
         "findings": findings,
         "notes": health::notes(status, cell.name()),
-        "boot_id": status.boot_id,
+        "boot_id": fields::id(status.boot_id),
         "pace": match status.pace {
             PACE_MAX => "max",
             PACE_PLANT => "plant",
             _ => "realtime",
         },
-        "phase": phase(status),
+        "phase": fields::phase(status.phase),
         "tick": status.tick,
         "fault": Fault::describe(status.fault as u32),
         "latched_fault": latched(status),
-        "latched_s": latched(status).map(|_| status.latched_ns as f64 * 1e-9),
+        "latched_s": latched(status).map(|_| fields::seconds(status.latched_ns)),
         "latched_cause_present": status.latched_present == 1,
         "plant": plant(status),
         "equipment": {
@@ -110,11 +105,10 @@ fn as_json(cell: &Cell, status: &Status) -> serde_json::Value {
         "fault_records": status.fault_records,
         "period_us": status.period_ns / 1000,
         "realtime_priority": status.privileged == 1,
-        "rollout": status.in_loop.rollout,
-        "policy_id": status.in_loop.policy_id,
+        "policy": fields::policy(&status.in_loop),
         "applied_tick": status.applied_tick,
-        "active_policy": status.active.describe(),
-        "last_good_policy": status.last_good.describe(),
+        "active_policy": fields::policy(&status.active),
+        "last_good_policy": fields::policy(&status.last_good),
         "pinned": status.pinned == 1,
         "pin_restored": status.pin_restored == 1,
         "posture_offset_rad": health::posture(status).map(|_| status.posture),
@@ -134,23 +128,18 @@ fn as_json(cell: &Cell, status: &Status) -> serde_json::Value {
         "learner_age_s": learner_age_s(status),
         "stalls": stalls(status),
         "deadline_misses": status.deadline_misses,
-        "wakeup_us": percentiles(status.wakeup_p50_ns, status.wakeup_p99_ns, status.wakeup_max_ns),
-        "tick_us": percentiles(status.tick_p50_ns, status.tick_p99_ns, status.tick_max_ns),
+        "wakeup_us": fields::times_us(status.wakeup_p50_ns, status.wakeup_p99_ns, status.wakeup_max_ns),
+        "tick_us": fields::times_us(status.tick_p50_ns, status.tick_p99_ns, status.tick_max_ns),
     })
 }
 
 fn stalls(status: &Status) -> serde_json::Value {
     json!({
         "count": status.stalls,
-        "longest_s": status.stall_longest_ns as f64 * 1e-9,
-        "last_s": status.stall_last_ns as f64 * 1e-9,
+        "longest_s": fields::seconds(status.stall_longest_ns),
+        "last_s": fields::seconds(status.stall_last_ns),
         "last_age_s": seconds(status.stall_age_ns),
     })
-}
-
-fn percentiles(p50_ns: u64, p99_ns: u64, max_ns: u64) -> serde_json::Value {
-    let us = |ns: u64| ns as f64 * 1e-3;
-    json!({ "p50": us(p50_ns), "p99": us(p99_ns), "max": us(max_ns) })
 }
 
 /// A line about the latched fault, if there is one.
@@ -211,7 +200,7 @@ fn as_text(cell: &Cell, status: &Status, faults_dir: &Path) -> String {
         arm(status),
         plant_text(status),
         status.period_ns / 1000,
-        phase(status),
+        fields::phase(status.phase),
         status.tick,
         Fault::describe(status.fault as u32),
         status.in_loop.describe(),

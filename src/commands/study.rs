@@ -15,7 +15,10 @@ use crate::study::{self, Outcome, Request, STUDIES, Table};
 
 pub fn run(args: &StudyArgs) -> Result<Verdict> {
     let Some(name) = &args.name else {
-        print(&list())?;
+        match args.json {
+            true => print_json(&list_json())?,
+            false => print(&list())?,
+        }
         return Ok(Verdict::Done);
     };
     let Some(study) = STUDIES.iter().find(|study| study.name == *name) else {
@@ -31,7 +34,13 @@ pub fn run(args: &StudyArgs) -> Result<Verdict> {
     let request =
         Request { first_seed: args.first_seed, seeds: args.seeds.get(), threads, out: &args.out };
     match study::run(study, &request, &stop)? {
-        Outcome::Table { table, .. } if args.json => print_json(&table)?,
+        Outcome::Table { table, figure } if args.json => print_json(&json!({
+            "study": table.study,
+            "seeds": table.seeds,
+            "first_seed": table.first_seed,
+            "rows": table.rows,
+            "figure": figure,
+        }))?,
         Outcome::Table { table, figure } => {
             print(&format!("{}figure  {}\n", as_text(&table), figure.display()))?;
         }
@@ -71,6 +80,11 @@ fn as_text(table: &Table) -> String {
         );
     }
     text
+}
+
+fn list_json() -> serde_json::Value {
+    let object = |study: &study::Study| json!({ "study": study.name, "about": study.about });
+    json!({ "studies": STUDIES.iter().map(object).collect::<Vec<_>>() })
 }
 
 /// Name and purpose of every study, a line each.

@@ -33,7 +33,7 @@ fn list(as_json: bool) -> Result<Verdict> {
         let units: serde_json::Map<_, _> =
             measures.iter().map(|(name, unit)| (name.clone(), json!(unit))).collect();
         objects.push(json!({
-            "name": task.name,
+            "task": task.name,
             "about": task.about,
             "has_arm": task.has_arm(),
             "success": task.success,
@@ -42,7 +42,7 @@ fn list(as_json: bool) -> Result<Verdict> {
         }));
     }
     if as_json {
-        print_json(&objects)?;
+        print_json(&json!({ "tasks": objects }))?;
     } else {
         print(&text)?;
     }

@@ -11,6 +11,7 @@ use shm_types::measures::TRUTH;
 use super::report::open;
 use crate::Verdict;
 use crate::cli::trials::TrialsArgs;
+use crate::fields;
 use crate::output::{print, print_json, write_new};
 use crate::session_folder::SessionFolder;
 use crate::tasks;
@@ -32,7 +33,8 @@ pub fn run(args: &TrialsArgs) -> Result<Verdict> {
     let columns = Columns { are_rated, has_cells, cells, measures, units };
     let rows: Vec<Row> = trials.iter().map(|trial| row(trial, &columns)).collect();
     if args.json {
-        print_json(&rows.into_iter().map(Map::from_iter).collect::<Vec<_>>())?;
+        let trials: Vec<Map<_, _>> = rows.into_iter().map(Map::from_iter).collect();
+        print_json(&json!({ "session": folder.dir(), "trials": trials }))?;
     } else if args.csv == Path::new("-") {
         print(&as_csv(&rows)?)?;
     } else {
@@ -57,13 +59,13 @@ struct Columns<'a> {
 /// A measure that was not taken is null, in CSV nothing.
 fn row(trial: &TrialRecord, columns: &Columns<'_>) -> Row {
     let Columns { are_rated, has_cells, cells, measures, units } = *columns;
-    let hex = |id: u64| json!(format!("{id:016x}"));
+    let hex = |id: u64| json!(fields::id(id));
     let mut row: Row = [
         ("rollout", json!(trial.rollout)),
         ("reward", json!(trial.reward)),
         ("success", json!(trial.success)),
         ("set_aside", json!(trial.set_aside)),
-        ("fault", json!(trial.fault)),
+        ("fault_code", json!(trial.fault)),
         ("policy_id", json!(trial.policy_id)),
         ("policy_digest", hex(trial.policy_digest)),
         ("boot_id", hex(trial.boot_id)),

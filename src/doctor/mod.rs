@@ -49,6 +49,7 @@ pub struct Check {
     pub found: String,
     pub why: &'static str,
     /// The fix; absent if the check is good or nothing can be done.
+    #[serde(rename = "fix")]
     pub mend: Option<String>,
 }
 

@@ -41,7 +41,7 @@ impl Summary {
             .iter()
             .map(|(ordeal, tally)| (ordeal.name().to_string(), cell_json(*ordeal, tally)));
         json!({
-            "good": self.is_good(),
+            "passed": self.is_good(),
             "minutes": self.wall.as_secs_f64() / 60.0,
             "cells": cells.collect::<Map<_, _>>(),
             "failures": self.reasons(),
@@ -179,7 +179,7 @@ fn outcome_json(tally: &Tally) -> Value {
         "sessions": tally.sessions,
         "sessions_different": tally.different,
         "swaps": tally.swaps,
-        "onlookers": tally.onlookers,
+        "observers": tally.onlookers,
         "observers_killed": tally.observers_killed,
         "episodes": {
             "produced": ledger.produced,

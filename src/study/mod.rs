@@ -43,7 +43,6 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use anyhow::{Context, Result};
-use serde::Serialize;
 
 use crate::draw::figure::Figure;
 use figures::{fig1, fig3, fig5, fig6, fig7, fig8};
@@ -248,7 +247,7 @@ pub const STUDIES: &[Study] = &[
 ];
 
 /// The table of a study.
-#[derive(Debug, Serialize)]
+#[derive(Debug)]
 pub struct Table {
     pub study: String,
     pub seeds: u64,

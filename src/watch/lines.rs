@@ -6,9 +6,9 @@ use anyhow::Result;
 use serde_json::json;
 
 use super::Model;
-use crate::health;
 use crate::output::print;
 use crate::record::watcher::{Watcher, pause};
+use crate::{fields, health};
 
 const EVERY: Duration = Duration::from_secs(1);
 
@@ -41,7 +41,7 @@ pub fn json(model: &Model, watcher: &Watcher) -> String {
     let (session, best, vitals) = (&model.session, model.session.best(), &model.vitals);
     let (health, findings) = vitals.health().unzip();
     let seconds = |age: Option<Duration>| age.map(|age| age.as_secs_f64());
-    json!({
+    let value = json!({
         "cell": model.cell,
         "controller": vitals.controller().name(),
         "controller_age_s": vitals.silence().as_secs_f64(),
@@ -53,13 +53,13 @@ pub fn json(model: &Model, watcher: &Watcher) -> String {
         "learner_age_s": seconds(vitals.learner_age()),
         "tick": model.last.record.tick,
         "tick_age_s": seconds(vitals.tick_age()),
-        "phase": model.last.record.phase,
+        "phase": fields::phase(model.last.record.phase),
         "ticks_seen": watcher.ticks,
         "ticks_lost": watcher.lost,
         "deadline_misses": model.last.missed,
         "wakeup_us": { "p50": wakeup.p50, "p99": wakeup.p99, "max": wakeup.max },
         "tick_us": { "p50": tick.p50, "p99": tick.p99, "max": tick.max },
-        "policy_digest": format!("{:016x}", model.last.policy_digest),
+        "policy_digest": fields::id(model.last.policy_digest),
         "trials": session.trials.back().map_or(0, |trial| trial.rollout),
         "trial_age_s": seconds(session.trial_age()),
         "rollouts": session.rollouts,
@@ -70,10 +70,10 @@ pub fn json(model: &Model, watcher: &Watcher) -> String {
         "under_wish_since": session.wished_since(),
         "modes": session.modes.len(),
         "measures": session.measures.map(|measures| -> serde_json::Map<_, _> {
-            measures.iter().map(|measure| (measure.name.to_string(), json!(measure.value))).collect()
+            measures.iter().map(|measure| (measure.name.to_string(), fields::measure(&measure))).collect()
         }),
-    })
-    .to_string()
+    });
+    fields::versioned(&value).map_or_else(|error| error.to_string(), |value| value.to_string())
 }
 
 /// One line of text.

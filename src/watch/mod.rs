@@ -17,6 +17,7 @@ use shm_types::cell::Cell;
 use shm_types::telemetry::TelemetryTick;
 
 use crate::cell::NamedCell;
+use crate::fields;
 use crate::record::watcher::{Seen, Watcher};
 use session::WatchedSession;
 use vitals::Vitals;
@@ -123,7 +124,7 @@ impl Model {
 
     fn percentiles_of_window(&self) -> (Percentiles, Percentiles) {
         let of = |histogram: &Histogram<u64>| {
-            let us = |ns: u64| ns as f64 * 1e-3;
+            let us = fields::us;
             Percentiles {
                 p50: us(histogram.value_at_quantile(0.5)),
                 p99: us(histogram.value_at_quantile(0.99)),

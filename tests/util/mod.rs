@@ -2,6 +2,7 @@
 #![allow(dead_code)] // each test file uses its own part
 
 pub mod document;
+pub mod fields;
 pub mod place;
 
 use std::os::unix::process::CommandExt;
@@ -59,6 +60,14 @@ impl Bench {
         let output = self.run(arguments);
         assert_eq!(output.status.code(), Some(0), "{arguments:?}: {}", stderr(&output));
         String::from_utf8(output.stdout).unwrap()
+    }
+
+    /// The same with `--json`: the object, whose version is the documented one.
+    pub fn json(&self, arguments: &[&str]) -> serde_json::Value {
+        let text = self.ok(&[arguments, &["--json"]].concat());
+        let object: serde_json::Value = serde_json::from_str(&text).unwrap();
+        assert_eq!(object["schema"], 1, "{arguments:?}: {text}");
+        object
     }
 
     /// Runs and expects exit code 2 with every one of `words` in the message.

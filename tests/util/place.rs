@@ -84,8 +84,8 @@ impl Place {
     pub fn trial_count(&self, bench: &Bench, name: &str) -> usize {
         let list = ["policy", "list", &self.inside(name), "--json"];
         let output = self.skillet(bench, &list).output().unwrap();
-        let rows: Option<Vec<serde_json::Value>> = serde_json::from_slice(&output.stdout).ok();
-        rows.map_or(0, |rows| rows.len())
+        let found: Option<serde_json::Value> = serde_json::from_slice(&output.stdout).ok();
+        found.and_then(|found| Some(found["policies"].as_array()?.len())).unwrap_or(0)
     }
 
     pub fn wait_for_trials(&self, bench: &Bench, name: &str, n: usize) {

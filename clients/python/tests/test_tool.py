@@ -34,7 +34,7 @@ if arguments[:2] == ["task", "serve"]:
         else:
             path = [0.5] * 40 if request["path"] else None
             print(json.dumps({{"reward": -request["theta"][0], "success": True, "measures": {{"gap_m": 0.1}},
-                              "fault": 0, "path": path}}), flush=True)
+                              "fault_code": 0, "path": path}}), flush=True)
 elif "nowhere" in arguments:
     print(json.dumps({{"error": {{"message": "no controller in nowhere", "causes": [], "exit_code": 3}}}}))
     sys.exit(3)

@@ -17,7 +17,7 @@ use shm_types::policy_json;
 use crate::Verdict;
 use crate::cli::task::ServeArgs;
 use crate::config::Config;
-use crate::output::{is_closed, print};
+use crate::output::{is_closed, json_line, print};
 use crate::tasks::executor::{Executor, executor};
 use crate::{judging, setup};
 
@@ -72,7 +72,7 @@ fn demonstrations(config: &Config) -> Result<Vec<(String, String)>> {
 }
 
 fn say(value: &Value) -> Result<()> {
-    print(&format!("{value}\n"))
+    print(&json_line(value)?)
 }
 
 #[derive(Deserialize)]
@@ -168,7 +168,7 @@ impl Served {
             "reward": reward,
             "success": success,
             "measures": measured,
-            "fault": header.fault,
+            "fault_code": header.fault,
             "path": path,
         }))
     }

@@ -85,7 +85,7 @@ class Cell:
             try:
                 for line in child.stdout:
                     value = json.loads(line)
-                    if "error" in value and len(value) == 1:
+                    if "error" in value and "cell" not in value:
                         error = value["error"]
                         raise _tool.ToolError(error["message"], error["exit_code"])
                     yield value

@@ -76,7 +76,7 @@ class Task:
         if answer.get("path") is not None:
             flat = np.array(answer["path"], dtype="<f4").reshape(-1, 20)
             rows = np.frombuffer(flat.tobytes(), dtype=PATH_DTYPE)
-        return Outcome(answer["reward"], answer["success"], answer["measures"], answer["fault"], rows)
+        return Outcome(answer["reward"], answer["success"], answer["measures"], answer["fault_code"], rows)
 
     def policy(self, theta: ArrayLike) -> Policy:
         """The policy of θ, (D,)."""
