@@ -29,6 +29,10 @@ pub enum Event {
     Foreign { session: u64, rollout: u64, asks: u64 },
     /// The cell has a controller, or another one.
     Controller { cell: String },
+    /// A command of the learner's machine, and how it ended; said on both sides.
+    Command { cell: String, what: &'static str, outcome: Result<(), String> },
+    /// Somebody on the learner's machine looks at the loop of the cell, or nobody any more.
+    Watched { cell: String, is_watched: bool },
 }
 
 impl Event {
@@ -41,6 +45,7 @@ impl Event {
                 | Event::Trouble { .. }
                 | Event::NoAnswer { .. }
                 | Event::Foreign { .. }
+                | Event::Command { outcome: Err(_), .. }
                 | Event::Serves { is_encrypted: false, .. }
         )
     }
@@ -85,6 +90,18 @@ impl fmt::Display for Event {
                  the spool until a learner resumes its session"
             ),
             Event::Controller { cell } => write!(f, "cell {cell}: its controller is there"),
+            Event::Command { cell, what, outcome: Ok(()) } => {
+                write!(f, "cell {cell}: `{what}` through the bridge: done")
+            }
+            Event::Command { cell, what, outcome: Err(reason) } => {
+                write!(f, "cell {cell}: `{what}` through the bridge: {reason}")
+            }
+            Event::Watched { cell, is_watched: true } => {
+                write!(f, "cell {cell}: its loop is watched through the bridge")
+            }
+            Event::Watched { cell, is_watched: false } => {
+                write!(f, "cell {cell}: nobody watches its loop through the bridge any more")
+            }
         }
     }
 }

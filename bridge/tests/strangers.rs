@@ -82,7 +82,9 @@ fn head(cell: &str) -> TurnHead {
         controller: beat(66, 1),
         status: Status::ZERO,
         seen: Seen::default(),
+        commands: 0,
         has_episode: 0,
+        has_reply: 0,
     }
 }
 
