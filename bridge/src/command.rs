@@ -10,7 +10,7 @@ use shm_types::command::{
 use shm_types::{SCHEMA, text};
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
-use crate::turn::MessageError;
+use crate::message::MessageError;
 
 /// The reply to a command, as a cell sends it.
 #[derive(Clone, Copy, Debug, PartialEq, IntoBytes, FromBytes, Immutable, KnownLayout)]

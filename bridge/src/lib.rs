@@ -25,6 +25,7 @@ pub mod join;
 #[cfg(feature = "network")]
 pub mod keys;
 pub mod live;
+pub mod message;
 #[cfg(feature = "network")]
 pub mod net;
 #[cfg(feature = "network")]

@@ -11,7 +11,7 @@ use shm_types::policy::PolicyMsg;
 use shm_types::telemetry::TelemetryTick;
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
-use crate::turn::{MessageError, Prefix};
+use crate::message::{MessageError, Prefix};
 
 /// Ticks a second, at most and if nothing else is said. A controller sends its ticks in batches of 20.
 pub const MAX_HZ: u64 = 50;

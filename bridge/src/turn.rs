@@ -8,20 +8,15 @@
 //! Every number is little-endian. The first three stay where they are in all versions, so that two builds that differ
 //! can say so. A turn may arrive twice: what it says is then true twice.
 
-use shm_types::SCHEMA;
-use shm_types::command::{CommandError, Status};
-use shm_types::episode::{EpisodeError, EpisodeHeader, MAX_RECORDS, TickRecord};
+use shm_types::command::Status;
+use shm_types::episode::{EpisodeHeader, MAX_RECORDS, TickRecord};
 use shm_types::telemetry::Heartbeat;
 use shm_types::text;
-use thiserror::Error;
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
 use crate::command::{SentReply, check_status};
+pub use crate::message::{MessageError, Prefix, VERSION};
 
-/// Read as another number on a machine of the other byte order.
-const MAGIC: u64 = u64::from_le_bytes(*b"SKBRIDGE");
-/// Of turns and answers. Message layouts have a hash of their own, [`SCHEMA`].
-pub const VERSION: u64 = 2;
 /// Bytes of a name: of a cell, of a host.
 pub const NAME_LEN: usize = text::HOST_LEN;
 /// Bytes of a world: which task on which arm.
@@ -43,15 +38,6 @@ pub fn refusal(reason: &str) -> String {
 /// The reason of a refusal, if it is one.
 pub fn reason(text: &str) -> Option<&str> {
     text.strip_prefix(REFUSED)
-}
-
-/// What every message begins with.
-#[derive(Clone, Copy, Debug, PartialEq, IntoBytes, FromBytes, Immutable, KnownLayout)]
-#[repr(C)]
-pub struct Prefix {
-    pub magic: u64,
-    pub version: u64,
-    pub schema: u64,
 }
 
 /// The newest of a hub that a cell has: 0 of what it has not.
@@ -105,52 +91,6 @@ pub struct Turn {
 pub struct Episode {
     pub header: EpisodeHeader,
     pub records: Vec<TickRecord>,
-}
-
-/// Why a message of the other side is not used.
-#[derive(Debug, Error, PartialEq)]
-pub enum MessageError {
-    #[error("it is no message of a bridge, or comes from a machine of the other byte order")]
-    Magic,
-    #[error(
-        "bridge version {found} instead of {VERSION}: use one version of skillet on both machines"
-    )]
-    Version { found: u64 },
-    #[error(
-        "schema {found:#x} instead of {SCHEMA:#x}: the two machines run different builds of skillet; use one"
-    )]
-    Schema { found: u64 },
-    #[error("it has {len} bytes, which is no whole message")]
-    Length { len: usize },
-    #[error("a name or a reason in it is no text")]
-    Text,
-    #[error("its {0} is out of range")]
-    Value(&'static str),
-    #[error(transparent)]
-    Command(#[from] CommandError),
-    #[error(transparent)]
-    Episode(#[from] EpisodeError),
-    #[error(transparent)]
-    Policy(#[from] shm_types::policy::PolicyMsgError),
-}
-
-impl Prefix {
-    pub const OURS: Prefix = Prefix { magic: MAGIC, version: VERSION, schema: SCHEMA };
-
-    /// Takes the prefix off `bytes`, after a look at the version before everything else.
-    pub fn take(bytes: &[u8]) -> Result<&[u8], MessageError> {
-        let (prefix, rest) = Prefix::read_from_prefix(bytes).map_err(|_| MessageError::Magic)?;
-        match prefix {
-            Prefix { magic, .. } if magic != MAGIC => Err(MessageError::Magic),
-            Prefix { version, .. } if version != VERSION => {
-                Err(MessageError::Version { found: version })
-            }
-            Prefix { schema, .. } if schema != SCHEMA => {
-                Err(MessageError::Schema { found: schema })
-            }
-            _ => Ok(rest),
-        }
-    }
 }
 
 impl TurnHead {
@@ -231,6 +171,7 @@ fn read_episode(bytes: &[u8], len: usize) -> Result<Episode, MessageError> {
 mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
+    use shm_types::SCHEMA;
     use shm_types::command::Reply;
 
     use super::*;
