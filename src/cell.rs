@@ -6,7 +6,7 @@ use std::time::Duration;
 use anyhow::{Result, bail};
 use rt_controller::rt::now_ns;
 use shm_types::cell::Cell;
-use shm_types::command::{Command, Reply};
+use shm_types::command::{ACCEPTED, Command, Reply, UNKNOWN, command_name};
 use shm_types::ports::ToolPorts;
 
 use crate::cli::CellArgs;
@@ -36,13 +36,28 @@ impl NamedCell {
         state_dir(&self.config, &self.cell)
     }
 
+    /// The machine of the controller, if a bridge lies between.
+    pub fn via(&self) -> Option<String> {
+        let ports = ToolPorts::open(&self.cell, Duration::ZERO).ok()?;
+        ports.ask(OPEN).ok()?.via()
+    }
+
     /// Sends `command` and waits for the reply; a refusal is an error with the controller's reason. Also
     /// returns the time of sending (monotonic clock, ns): joining the cell takes longer than most commands.
     pub fn request(&self, command: &Command, timeout: Duration) -> Result<(Reply, u64)> {
         let ports = ToolPorts::open(&self.cell, OPEN)?;
+        // Now: a bridge that is gone when the reply is due cannot say that it was one.
+        let via = ports.ask(OPEN).ok().and_then(|reply| reply.via());
         let sent_ns = now_ns();
         let name = self.cell.name();
         let Some(reply) = ports.request(command, timeout) else {
+            if let Some(host) = via {
+                bail!(
+                    "no reply through the bridge to {host} within {timeout:.0?}: it is unknown whether `{}` was \
+                     carried out; `skillet status --cell {name}` shows the state of the cell",
+                    command_name(command.kind)
+                );
+            }
             if ports.status(OPEN).is_none() {
                 return Err(ports.silence(timeout).into());
             }
@@ -51,10 +66,16 @@ impl NamedCell {
                  still queued; see `skillet status --cell {name}`"
             );
         };
-        if reply.accepted != 1 {
-            bail!("refused by the controller of cell '{name}': {}", reply.reason_text());
+        match (reply.accepted, reply.via()) {
+            (ACCEPTED, _) => Ok((reply, sent_ns)),
+            (UNKNOWN, _) => bail!("{}", reply.reason_text()),
+            (_, Some(host)) => {
+                bail!("refused, through the bridge to {host}: {}", reply.reason_text())
+            }
+            (_, None) => {
+                bail!("refused by the controller of cell '{name}': {}", reply.reason_text())
+            }
         }
-        Ok((reply, sent_ns))
     }
 }
 
@@ -69,6 +90,11 @@ pub fn owner(name: &str) -> Option<&'static str> {
         let program = std::fs::read_to_string(format!("/proc/{pid}/comm")).ok()?;
         (program.trim() == env!("CARGO_PKG_NAME")).then_some(command)
     })
+}
+
+/// Which way a reply came, behind what is said of it.
+pub fn through(reply: &Reply) -> String {
+    reply.via().map_or(String::new(), |host| format!(", through the bridge to {host}"))
 }
 
 /// The first of `names` that is among those before it.

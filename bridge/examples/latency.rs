@@ -158,7 +158,9 @@ fn head(seen: Seen) -> TurnHead {
         controller,
         status: Status::ZERO,
         seen,
+        commands: 0,
         has_episode: 0,
+        has_reply: 0,
     }
 }
 

@@ -4,16 +4,19 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use shm_types::SCHEMA;
-use shm_types::command::Status;
+use shm_types::command::{Command, Status};
 use shm_types::telemetry::Heartbeat;
 use zenoh::Wait;
-use zenoh::handlers::FifoChannelHandler;
+use zenoh::handlers::{FifoChannelHandler, RingChannelHandler};
 use zenoh::query::Query;
 use zenoh::sample::{Sample, SampleKind};
 
 use crate::answer::{VERDICT_NONE, VERDICT_PENDING};
 use crate::desk::Desk;
 use crate::event::Event;
+use crate::live::Live;
+use crate::net::monotonic_ns;
+use crate::relay::Relay;
 use crate::said::Said;
 use crate::turn::{Episode, Seen, Turn, TurnHead, refusal};
 
@@ -26,6 +29,8 @@ const NO_NEWS: Duration = Duration::from_millis(500);
 const NOT_DURABLE: Duration = Duration::from_secs(8);
 /// Between two attempts to give an episode to a learner that does not take it.
 const AGAIN: Duration = Duration::from_millis(50);
+/// What is seen of the loop and shown between two looks at the turns.
+const LIVE_AT_ONCE: usize = 8;
 /// Turns that may wait; of more, the oldest is answered.
 const MAX_WAITING: usize = 8;
 
@@ -42,13 +47,23 @@ struct Owner {
 struct Waiting {
     query: Query,
     seen: Seen,
+    /// The newest command that the cell has.
+    commands: u64,
     until: Instant,
     episode: Option<Episode>,
     next_try: Instant,
 }
 
+/// What comes over the network for the cell.
+pub(crate) struct Incoming<'a> {
+    pub queries: &'a FifoChannelHandler<Query>,
+    pub tokens: &'a FifoChannelHandler<Sample>,
+    pub live: &'a RingChannelHandler<Sample>,
+}
+
 pub(crate) struct Counter<'a> {
     desk: Desk,
+    relay: Relay,
     world: String,
     owner: Option<Owner>,
     waiting: Vec<Waiting>,
@@ -58,29 +73,28 @@ pub(crate) struct Counter<'a> {
 
 impl<'a> Counter<'a> {
     pub fn new(desk: Desk, world: String, on_event: &'a (dyn Fn(Event) + Sync)) -> Counter<'a> {
-        Counter { desk, world, owner: None, waiting: Vec::new(), said: Said::default(), on_event }
+        let (relay, waiting) = (Relay::new(desk.cell()), Vec::new());
+        Counter { desk, relay, world, owner: None, waiting, said: Said::default(), on_event }
     }
 
     /// Serves the cell until `stop`.
-    pub fn run(
-        mut self,
-        queries: &FifoChannelHandler<Query>,
-        tokens: &FifoChannelHandler<Sample>,
-        stop: &AtomicBool,
-    ) {
+    pub fn run(mut self, incoming: &Incoming, stop: &AtomicBool) {
         let (mut next_beat, mut next_housekeeping) = (Instant::now(), Instant::now());
         while !stop.load(Ordering::Relaxed) {
-            match queries.recv_timeout(self.patience()) {
+            match incoming.queries.recv_timeout(self.patience()) {
                 Ok(Some(query)) => self.take(query),
                 Ok(None) => {}
                 Err(_) => std::thread::sleep(AGAIN), // the session has ended; so will this
             }
-            while let Ok(Some(token)) = tokens.try_recv() {
+            while let Ok(Some(token)) = incoming.tokens.try_recv() {
                 self.look_at(&token);
             }
-            let owner = self.owner.as_ref();
-            self.desk.listen(owner.map(|owner| (&*owner.host, owner.status)));
+            let status = self.owner.as_ref().map(|owner| owner.status);
+            self.desk.listen(status, &mut self.relay);
             self.answer();
+            // Last, and not for long: what comes too fast is dropped.
+            let samples = std::iter::from_fn(|| incoming.live.try_recv().ok().flatten());
+            samples.take(LIVE_AT_ONCE).for_each(|sample| self.show(&sample));
             let now = Instant::now();
             if now >= next_beat {
                 next_beat = now + BEAT;
@@ -89,8 +103,10 @@ impl<'a> Counter<'a> {
             if now >= next_housekeeping {
                 next_housekeeping = now + HOUSEKEEPING;
                 self.desk.clean_up();
+                self.relay.expire().into_iter().for_each(self.on_event);
             }
         }
+        self.relay.cut().into_iter().for_each(self.on_event);
     }
 
     /// How long to wait for a turn: acknowledgements and policies come without a call.
@@ -119,14 +135,39 @@ impl<'a> Counter<'a> {
         {
             return self.refuse(&query, format!("the learner's machine: {error}"));
         }
+        let (seen, episode) = (turn.head.seen, turn.episode);
+        if let Some(sent) = turn.reply {
+            let event = self.relay.replied(&sent, monotonic_ns());
+            (self.on_event)(event);
+            return self.reply(&query, VERDICT_NONE, seen, None);
+        }
+        let commands = if seen.hub == self.desk.seen().hub { turn.head.commands } else { 0 };
+        self.relay.taken(commands);
         if self.waiting.len() >= MAX_WAITING {
             let oldest = self.waiting.remove(0);
-            self.reply(&oldest.query, self.verdict_of_none(&oldest), oldest.seen);
+            self.reply(&oldest.query, self.verdict_of_none(&oldest), oldest.seen, None);
         }
         let now = Instant::now();
-        let patience = if turn.episode.is_some() { NOT_DURABLE } else { NO_NEWS };
-        let (seen, episode) = (turn.head.seen, turn.episode);
-        self.waiting.push(Waiting { query, seen, until: now + patience, episode, next_try: now });
+        let patience = if episode.is_some() { NOT_DURABLE } else { NO_NEWS };
+        let (until, next_try) = (now + patience, now);
+        self.waiting.push(Waiting { query, seen, commands, until, episode, next_try });
+    }
+
+    /// Shows observers what the cell sends of its loop. What is not right is not shown, and said.
+    fn show(&mut self, sample: &Sample) {
+        match Live::decode(&sample.payload().to_bytes()) {
+            Ok((head, live)) => {
+                // Of another bridge than the one that has joined, nothing.
+                let owner = self.owner.as_ref().filter(|owner| owner.bridge == head.bridge);
+                if let Some(owner) = owner {
+                    self.desk.show(&head, &live, &owner.host);
+                }
+            }
+            Err(error) => {
+                let (cell, reason) = (self.desk.cell().to_string(), error.to_string());
+                self.once(Event::Refused { cell, reason: format!("live telemetry: {reason}") });
+            }
+        }
     }
 
     /// Lets a bridge speak for the cell, or says why not.
@@ -161,6 +202,8 @@ impl<'a> Counter<'a> {
         }
         let host = head.host_name();
         (self.on_event)(Event::Joined { cell: cell.to_string(), host: host.clone() });
+        self.relay.cut().into_iter().for_each(self.on_event);
+        self.relay.joined(&host);
         // What another one has asked is nobody's any more.
         self.waiting.clear();
         self.owner =
@@ -182,6 +225,7 @@ impl<'a> Counter<'a> {
 
     fn left(&mut self, owner: Owner, why: &'static str) {
         self.waiting.clear();
+        self.relay.cut().into_iter().for_each(self.on_event);
         let (cell, host) = (self.desk.cell().to_string(), owner.host);
         (self.on_event)(Event::Left { cell, host, why });
     }
@@ -210,12 +254,19 @@ impl<'a> Counter<'a> {
                             if now >= turn.next_try { now + AGAIN } else { turn.next_try };
                         self.waiting.push(Waiting { next_try, ..turn });
                     }
-                    verdict => self.reply(&turn.query, verdict, turn.seen),
+                    verdict => self.reply(&turn.query, verdict, turn.seen, None),
                 },
-                None if is_over || turn.seen != self.desk.seen() => {
-                    self.reply(&turn.query, VERDICT_NONE, turn.seen);
+                None => {
+                    let command = self.relay.next(turn.commands);
+                    if command.is_some() || is_over || turn.seen != self.desk.seen() {
+                        self.reply(&turn.query, VERDICT_NONE, turn.seen, command);
+                        if let Some(number) = command.map(|(number, _)| number) {
+                            self.relay.sent(number);
+                        }
+                    } else {
+                        self.waiting.push(turn);
+                    }
                 }
-                None => self.waiting.push(turn),
             }
         }
     }
@@ -245,8 +296,8 @@ impl<'a> Counter<'a> {
         if turn.episode.is_some() { VERDICT_PENDING } else { VERDICT_NONE }
     }
 
-    fn reply(&self, query: &Query, verdict: u64, seen: Seen) {
-        let bytes = self.desk.answer(verdict, seen);
+    fn reply(&self, query: &Query, verdict: u64, seen: Seen, command: Option<(u64, &Command)>) {
+        let bytes = self.desk.answer(verdict, seen, command);
         // A cell that is cut off asks again.
         let _ = query.reply(query.key_expr().clone(), bytes).wait();
     }

@@ -1,25 +1,31 @@
 //! The controller's place in a local cell, taken by the hub for a controller that is elsewhere.
 
+use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
 use shm_types::SCHEMA;
 use shm_types::cell::{Cell, CellLock, Role};
 use shm_types::channel::ChannelError;
-use shm_types::command::{COMMAND_STATUS, Reply, Status};
-use shm_types::episode::Ack;
+use shm_types::command::{COMMAND_STATUS, Command, Reply, Status};
+use shm_types::episode::{Ack, EpisodeHeader};
 use shm_types::policy::{PolicyMsg, PolicyName};
 use shm_types::ports::ControllerPorts;
-use shm_types::telemetry::Heartbeat;
+use shm_types::telemetry::{Heartbeat, Telemetry};
+use shm_types::text;
 
 use crate::answer::{
     AnswerHead, VERDICT_ASKED_AGAIN, VERDICT_DURABLE, VERDICT_FOREIGN, VERDICT_PENDING,
 };
+use crate::live::{Live, LiveHead};
+use crate::relay::{NOT_CONNECTED, Relay};
 use crate::turn::{Episode, Seen};
 
 /// Age of a heartbeat after which a learner does not count as there.
 const SILENT: Duration = Duration::from_secs(2);
 /// Dead processes that the transport may fail to clear away, as in the controller.
 const MAX_LEAKED: usize = 4;
+/// Outcomes remembered, of which observers are told once.
+const OUTCOMES: usize = 32;
 
 /// An episode that the learner was given.
 #[derive(Clone, Copy, PartialEq)]
@@ -41,6 +47,8 @@ pub(crate) struct Desk {
     /// What there is, counted.
     seen: Seen,
     handed_in: Option<HandedIn>,
+    /// Start of the controller and first tick of each rollout that observers were told of.
+    outcomes: VecDeque<(u64, u64)>,
     beats: u64,
     // Last, so that it is given back after the ports.
     _lock: CellLock,
@@ -59,6 +67,7 @@ impl Desk {
             ack: Ack::NONE,
             seen: Seen { hub, policy: 0, ack: 0 },
             handed_in: None,
+            outcomes: VecDeque::new(),
             beats: 0,
             _lock: lock,
         })
@@ -80,9 +89,9 @@ impl Desk {
         Ok(())
     }
 
-    /// Takes what the learner has published, and answers tools: `controller` is the machine of the controller and its
-    /// own word of itself. Commands are for that machine.
-    pub fn listen(&mut self, controller: Option<(&str, Status)>) {
+    /// Takes what the learner has published, and answers tools: with the controller's own word of itself, or with none
+    /// while no bridge is connected. Commands are for the controller, and go into the `relay`.
+    pub fn listen(&mut self, status: Option<Status>, relay: &mut Relay) {
         let Some(ports) = &self.ports else { return };
         while let Ok(Some(policy)) = ports.policies.receive() {
             match policy.validate() {
@@ -105,17 +114,16 @@ impl Desk {
             }
         }
         while let Ok(Some(request)) = ports.commands.receive() {
-            // Where there is none, silence is the right answer.
-            let Some((host, status)) = controller.filter(|(_, status)| status.boot_id != 0) else {
-                continue;
-            };
-            let reason =
-                format!("its controller is on {host}, behind a bridge: run the command there");
-            let reply = match request.kind {
-                COMMAND_STATUS => Reply::accepted(request.id, status),
-                _ => Reply::refused(request.id, status, &reason),
-            };
-            let _ = request.send_copy(reply);
+            match status {
+                _ if request.kind != COMMAND_STATUS => relay.take(request, status.is_some()),
+                None => relay.refuse(&request, NOT_CONNECTED),
+                Some(status) if status.boot_id != 0 => {
+                    let via = text::pack(relay.host());
+                    let _ = request.send_copy(Reply { via, ..Reply::accepted(request.id, status) });
+                }
+                // Where there is no controller, silence is the right answer.
+                Some(_) => {}
+            }
         }
     }
 
@@ -153,10 +161,44 @@ impl Desk {
         let is_taken = loan.send().is_ok_and(|receivers| receivers > 0);
         if is_taken {
             let _ = ports.episode_sent.notify();
-            let _ = ports.outcomes.send_copy(episode.header);
             self.handed_in = Some(HandedIn { name, boot_id, policies: self.seen.policy });
+            self.tell_outcome(&episode.header);
         }
         Ok(is_taken)
+    }
+
+    /// Tells observers of a rollout, of which they may hear on two ways, once.
+    fn tell_outcome(&mut self, header: &EpisodeHeader) {
+        let (Some(ports), rollout) = (&self.ports, (header.boot_id, header.applied_tick)) else {
+            return;
+        };
+        if !self.outcomes.contains(&rollout) {
+            self.outcomes.truncate(OUTCOMES - 1);
+            self.outcomes.push_front(rollout);
+            let _ = ports.outcomes.send_copy(*header);
+        }
+    }
+
+    /// Somebody on this machine looks at the loop.
+    pub fn is_watched(&self) -> bool {
+        self.ports.as_ref().is_some_and(ControllerPorts::has_observers)
+    }
+
+    /// Shows observers what was seen of the loop on `host`, as what it is.
+    pub fn show(&mut self, head: &LiveHead, live: &Live, host: &str) {
+        let Some(ports) = &self.ports else { return };
+        match live {
+            Live::Tick(tick) => {
+                let (via, via_hz) = (text::pack(host), head.hz);
+                let mut sample = Telemetry { n_ticks: 1, via, via_hz, ..Telemetry::EMPTY };
+                sample.ticks[0] = **tick;
+                let _ = ports.telemetry.send_copy(sample);
+            }
+            Live::Policy(policy) => {
+                let _ = ports.in_loop.send_copy(**policy);
+            }
+            Live::Outcome(header) => self.tell_outcome(header),
+        }
     }
 
     /// What the learner has said to an episode, by `VERDICT_*`.
@@ -182,8 +224,8 @@ impl Desk {
         self.asked.as_ref().map_or(self.ack.session, |asked| asked.session)
     }
 
-    /// The answer for a cell that has `seen` so much.
-    pub fn answer(&self, verdict: u64, seen: Seen) -> Vec<u8> {
+    /// The answer for a cell that has `seen` so much, with a `command` and its number.
+    pub fn answer(&self, verdict: u64, seen: Seen, command: Option<(u64, &Command)>) -> Vec<u8> {
         let is_there =
             self.learner.leaving == 0 && self.learner_heard.is_some_and(|at| at.elapsed() < SILENT);
         let head = AnswerHead {
@@ -193,12 +235,14 @@ impl Desk {
             learner: self.learner,
             ack: self.ack,
             seen: self.seen,
+            watched: u64::from(self.is_watched()),
             has_policy: 0,
+            command: 0,
         };
         let is_news = seen.hub != self.seen.hub || seen.policy != self.seen.policy;
         // What is durable need not be executed.
         let is_open =
             |asked: &&PolicyMsg| is_news && !self.ack.covers(asked.session, asked.rollout);
-        head.encode(self.asked.as_deref().filter(is_open))
+        head.encode(self.asked.as_deref().filter(is_open), command)
     }
 }

@@ -31,6 +31,10 @@ pub enum Event {
     Learner { cell: String, is_there: bool },
     /// The cell has a controller, or another one.
     Controller { cell: String },
+    /// A command of the learner's machine, and how it ended; said on both sides.
+    Command { cell: String, what: &'static str, outcome: Result<(), String> },
+    /// Somebody on the learner's machine looks at the loop of the cell, or nobody any more.
+    Watched { cell: String, is_watched: bool },
 }
 
 impl Event {
@@ -44,6 +48,7 @@ impl Event {
                 | Event::NoAnswer { .. }
                 | Event::Foreign { .. }
                 | Event::Learner { is_there: false, .. }
+                | Event::Command { outcome: Err(_), .. }
                 | Event::Serves { is_encrypted: false, .. }
         )
     }
@@ -95,6 +100,18 @@ impl fmt::Display for Event {
                 "cell {cell}: no learner works in it, its session may have ended; what it has executed waits in its spool"
             ),
             Event::Controller { cell } => write!(f, "cell {cell}: its controller is there"),
+            Event::Command { cell, what, outcome: Ok(()) } => {
+                write!(f, "cell {cell}: `{what}` through the bridge: done")
+            }
+            Event::Command { cell, what, outcome: Err(reason) } => {
+                write!(f, "cell {cell}: `{what}` through the bridge: {reason}")
+            }
+            Event::Watched { cell, is_watched: true } => {
+                write!(f, "cell {cell}: its loop is watched through the bridge")
+            }
+            Event::Watched { cell, is_watched: false } => {
+                write!(f, "cell {cell}: nobody watches its loop through the bridge any more")
+            }
         }
     }
 }

@@ -9,17 +9,19 @@ use std::time::Duration;
 use shm_types::cell::Cell;
 use thiserror::Error;
 use zenoh::Wait;
-use zenoh::handlers::FifoChannel;
+use zenoh::handlers::{FifoChannel, RingChannel};
 use zenoh::query::Query;
 
-use crate::counter::Counter;
+use crate::counter::{Counter, Incoming};
 use crate::desk::Desk;
 use crate::event::Event;
-use crate::net::{self, DOOR, Keys, NetError, all_alive_key, turn_key};
+use crate::net::{self, DOOR, Keys, NetError, all_alive_key, live_key, turn_key};
 use crate::turn::{Turn, refusal};
 
 /// Turns and tokens that may wait for the thread of their cell.
 const QUEUE: usize = 16;
+/// What is seen of a loop and waits for that thread; of more, the oldest is dropped.
+const LIVE_QUEUE: usize = 16;
 const LOOK: Duration = Duration::from_millis(50);
 
 /// Where to listen, for whom.
@@ -76,7 +78,13 @@ pub fn run(
             .with(FifoChannel::new(QUEUE))
             .wait()
             .map_err(failed(&cell))?;
-        counters.push((Counter::new(desk, config.world.clone(), on_event), queries, tokens));
+        let live = session
+            .declare_subscriber(live_key(&cell))
+            .with(RingChannel::new(LIVE_QUEUE))
+            .wait()
+            .map_err(failed(&cell))?;
+        let counter = Counter::new(desk, config.world.clone(), on_event);
+        counters.push((counter, queries, tokens, live));
     }
     let door = session
         .declare_queryable(DOOR)
@@ -89,8 +97,11 @@ pub fn run(
         is_encrypted: config.keys.is_some(),
     });
     std::thread::scope(|scope| {
-        for (counter, queries, tokens) in counters {
-            scope.spawn(move || counter.run(queries.handler(), tokens.handler(), stop));
+        for (counter, queries, tokens, live) in counters {
+            scope.spawn(move || {
+                let (queries, tokens) = (queries.handler(), tokens.handler());
+                counter.run(&Incoming { queries, tokens, live: live.handler() }, stop);
+            });
         }
         while !stop.load(Ordering::Relaxed) {
             if let Ok(Some(query)) = door.recv_timeout(LOOK) {

@@ -6,7 +6,9 @@
 //! Without an answer for [`PATIENCE`] the bridge stops beating, so that the controller serves its last good policy
 //! alone (`controller.alone_after_s`). What it has executed stays in its spool.
 
+mod commands;
 mod reach;
+mod telemetry;
 mod turns;
 
 use std::collections::VecDeque;
@@ -22,11 +24,14 @@ use thiserror::Error;
 use zenoh::{Session, Wait};
 
 use crate::answer::{Answer, AnswerHead, VERDICT_ASKED_AGAIN, VERDICT_DURABLE, VERDICT_FOREIGN};
+use crate::command::Accepts;
 use crate::event::Event;
-use crate::net::{self, DOOR, Keys, NetError, alive_key, turn_key};
+use crate::net::{self, DOOR, Keys, NetError, alive_key, live_key, monotonic_ns, turn_key};
 use crate::seat::Seat;
 use crate::turn::{Episode, Seen, TurnHead};
+use commands::Commands;
 use reach::Reach;
+use telemetry::Telemetry;
 use turns::{Kind, Listener, Turns, Word};
 
 /// How long the controller is told of a learner that does not answer.
@@ -52,6 +57,10 @@ pub struct JoinConfig {
     pub keys: Option<Keys>,
     /// Which task on which arm, or empty.
     pub world: String,
+    /// Which commands of the learner's machine are carried out.
+    pub accepts: Accepts,
+    /// Ticks a second that the learner's machine sees at most while it looks; 0: none.
+    pub telemetry_hz: u64,
     /// Names this start of the bridge; drawn at random.
     pub id: u64,
 }
@@ -85,9 +94,13 @@ pub fn run(
         reason: error.to_string(),
     })?;
     let (out, words) = channel();
+    let (cell, live) = (&config.cell, live_key(&speaks_for));
     let mut join = Join {
         reach,
         seat,
+        commands: Commands::new(cell, config.accepts),
+        telemetry: Telemetry::start(&session, &live, cell, config.id, config.telemetry_hz),
+        is_watched: false,
         session: &session,
         key: turn_key(&speaks_for),
         certificate: owner.unwrap_or_default(),
@@ -98,6 +111,7 @@ pub fn run(
         news: Turns::new(config.id),
         episode: Turns::new(config.id ^ 1),
         door: Turns::new(config.id ^ 2),
+        reply: Turns::new(config.id ^ 3),
     };
     join.run(&words, stop)?;
     drop(join);
@@ -108,6 +122,9 @@ pub fn run(
 struct Join<'a> {
     reach: Reach<'a>,
     seat: Seat,
+    commands: Commands,
+    telemetry: Telemetry,
+    is_watched: bool,
     session: &'a Session,
     key: String,
     /// The name in it, or empty.
@@ -121,6 +138,7 @@ struct Join<'a> {
     news: Turns,
     episode: Turns,
     door: Turns,
+    reply: Turns,
 }
 
 impl Join<'_> {
@@ -151,6 +169,7 @@ impl Join<'_> {
                 self.seat.clean_up();
                 self.seat.ask_status();
             }
+            self.commands.look().into_iter().for_each(|event| (self.reach.on_event)(event));
             self.take_turns();
         }
         Ok(())
@@ -170,6 +189,9 @@ impl Join<'_> {
         if !self.held.is_empty() && self.episode.is_due() {
             self.send(Kind::Episode);
         }
+        if self.reply.is_due() && self.commands.reply(0).is_some() {
+            self.send(Kind::Reply);
+        }
         if self.news.failures >= KNOCK_AFTER && self.door.is_due() {
             self.send(Kind::Door);
         }
@@ -180,6 +202,10 @@ impl Join<'_> {
         let bytes = match (kind, self.held.front()) {
             (Kind::Episode, Some(episode)) => {
                 head.encode(Some((&episode.header, &episode.records)))
+            }
+            (Kind::Reply, _) => {
+                let Some(reply) = self.commands.reply(monotonic_ns()) else { return };
+                head.encode_reply(&reply)
             }
             _ => head.encode(None),
         };
@@ -206,6 +232,7 @@ impl Join<'_> {
             Kind::News => &mut self.news,
             Kind::Episode => &mut self.episode,
             Kind::Door => &mut self.door,
+            Kind::Reply => &mut self.reply,
         }
     }
 
@@ -220,7 +247,9 @@ impl Join<'_> {
             controller: self.seat.controller(),
             status: self.seat.status(),
             seen: self.seen,
+            commands: self.commands.newest(self.seen.hub),
             has_episode: 0,
+            has_reply: 0,
         }
     }
 
@@ -252,7 +281,7 @@ impl Join<'_> {
     }
 
     /// The acknowledgement goes to the controller before what is asked next.
-    fn take(&mut self, kind: Kind, answer: Answer) {
+    fn take(&mut self, kind: Kind, mut answer: Answer) {
         let had_learner = self.learner.map(|(head, _)| head.learner_is_there == 1);
         let is_there = answer.head.learner_is_there == 1;
         if had_learner != Some(is_there) {
@@ -264,10 +293,17 @@ impl Join<'_> {
             self.seat.beat(&answer.head.learner);
         }
         self.learner = Some((answer.head, Instant::now()));
-        if kind == Kind::Episode {
-            self.settle(&answer.head);
+        match kind {
+            Kind::Episode => self.settle(&answer.head),
+            Kind::Reply => self.commands.delivered(),
+            _ => {}
         }
         let (seen, had) = (answer.head.seen, self.seen);
+        if let Some(command) = answer.command.take() {
+            let (number, status) = (answer.head.command, self.seat.status());
+            let event = self.commands.take(seen.hub, number, command, status);
+            event.into_iter().for_each(|event| (self.reach.on_event)(event));
+        }
         if seen.hub == had.hub && (seen.policy < had.policy || seen.ack < had.ack) {
             return; // overtaken by the answer to the other turn
         }
@@ -300,12 +336,26 @@ impl Join<'_> {
 
     /// Beats for a learner that is heard over there. One that is not must be missed by the controller.
     fn beat(&mut self) {
+        let is_fresh = |at: &Instant| at.elapsed() < PATIENCE;
+        let learner = self.learner.as_ref();
+        let is_watched = learner.is_some_and(|(head, at)| head.watched == 1 && is_fresh(at));
+        self.watch(is_watched);
         if let Some((head, at)) = &self.learner
-            && at.elapsed() < PATIENCE
+            && is_fresh(at)
             && head.learner_is_there == 1
             && head.learner.schema == SCHEMA
         {
             self.seat.beat(&head.learner);
+        }
+    }
+
+    fn watch(&mut self, is_watched: bool) {
+        self.telemetry.set_watched(is_watched);
+        if std::mem::replace(&mut self.is_watched, is_watched) != is_watched
+            && self.reach.config.telemetry_hz > 0
+        {
+            let cell = self.reach.config.cell.name().to_string();
+            (self.reach.on_event)(Event::Watched { cell, is_watched });
         }
     }
 }

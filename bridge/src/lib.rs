@@ -12,6 +12,7 @@
 
 pub mod answer;
 pub mod backoff;
+pub mod command;
 #[cfg(feature = "network")]
 mod counter;
 #[cfg(feature = "network")]
@@ -23,8 +24,12 @@ pub mod hub;
 pub mod join;
 #[cfg(feature = "network")]
 pub mod keys;
+pub mod live;
+pub mod message;
 #[cfg(feature = "network")]
 pub mod net;
+#[cfg(feature = "network")]
+mod relay;
 #[cfg(feature = "network")]
 mod said;
 #[cfg(feature = "network")]

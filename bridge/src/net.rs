@@ -7,6 +7,7 @@ use std::fs;
 use std::net::IpAddr;
 use std::path::{Path, PathBuf};
 
+use rustix::time::{ClockId, clock_gettime};
 use serde_json::{Value, json};
 use thiserror::Error;
 use zenoh::{Config, Session, Wait};
@@ -66,6 +67,11 @@ impl Keys {
 
 pub(crate) fn turn_key(cell: &str) -> String {
     format!("skillet/{cell}/turn")
+}
+
+/// Where a cell shows its loop.
+pub(crate) fn live_key(cell: &str) -> String {
+    format!("skillet/{cell}/live")
 }
 
 pub(crate) fn alive_key(cell: &str, bridge: u64) -> String {
@@ -172,9 +178,15 @@ fn access(cells: &[String]) -> Value {
     let mut policies = vec![json!({ "rules": ["door in", "door out"], "subjects": ["anybody"] })];
     for cell in cells {
         rules.extend(both(&format!("cell {cell}"), format!("skillet/{cell}/**")));
+        let (shows, watches) = (json!(["put"]), json!(["declare_subscriber"]));
+        rules.push(rule(format!("live {cell} in"), "ingress", &shows, live_key(cell)));
+        rules.push(rule(format!("live {cell} out"), "egress", &watches, live_key(cell)));
         subjects.push(json!({ "id": format!("cell {cell}"), "cert_common_names": [cell] }));
         policies.push(json!({
-            "rules": [format!("cell {cell} in"), format!("cell {cell} out")],
+            "rules": [
+                format!("cell {cell} in"), format!("cell {cell} out"),
+                format!("live {cell} in"), format!("live {cell} out"),
+            ],
             "subjects": [format!("cell {cell}")],
         }));
     }
@@ -207,6 +219,12 @@ fn is_loopback(endpoint: &str) -> bool {
     let host = place.rsplit_once(':').map_or(place, |(host, _)| host);
     let host = host.trim_start_matches('[').trim_end_matches(']');
     host == "localhost" || host.parse::<IpAddr>().is_ok_and(|address| address.is_loopback())
+}
+
+/// The clock that controllers of this machine name ticks by, ns.
+pub(crate) fn monotonic_ns() -> u64 {
+    let now = clock_gettime(ClockId::Monotonic);
+    now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
 }
 
 /// The name of this machine, as it tells it.

@@ -1,27 +1,25 @@
-//! The turn: what a cell says of itself, and the episode it hands in.
+//! The turn: what a cell says of itself, and the episode it hands in or the reply to a command.
 //!
 //! ```text
 //! magic, version, schema | TurnHead | EpisodeHeader, TickRecord × n_records   (where it has an episode)
+//!                                   | SentReply                               (where it has a reply)
 //! ```
 //!
 //! Every number is little-endian. The first three stay where they are in all versions, so that two builds that differ
 //! can say so. A turn may arrive twice: what it says is then true twice.
 
-use shm_types::SCHEMA;
 use shm_types::command::Status;
-use shm_types::episode::{EpisodeError, EpisodeHeader, MAX_RECORDS, TickRecord};
+use shm_types::episode::{EpisodeHeader, MAX_RECORDS, TickRecord};
 use shm_types::equipment::Equipment;
 use shm_types::telemetry::Heartbeat;
 use shm_types::text;
-use thiserror::Error;
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
-/// Read as another number on a machine of the other byte order.
-const MAGIC: u64 = u64::from_le_bytes(*b"SKBRIDGE");
-/// Of turns and answers. Message layouts have a hash of their own, [`SCHEMA`].
-pub const VERSION: u64 = 1;
+use crate::command::{SentReply, check_status};
+pub use crate::message::{MessageError, Prefix, VERSION};
+
 /// Bytes of a name: of a cell, of a host.
-pub const NAME_LEN: usize = 64;
+pub const NAME_LEN: usize = text::HOST_LEN;
 /// Bytes of a world: which task on which arm.
 pub const WORLD_LEN: usize = 192;
 /// The longest turn, bytes.
@@ -41,15 +39,6 @@ pub fn refusal(reason: &str) -> String {
 /// The reason of a refusal, if it is one.
 pub fn reason(text: &str) -> Option<&str> {
     text.strip_prefix(REFUSED)
-}
-
-/// What every message begins with.
-#[derive(Clone, Copy, Debug, PartialEq, IntoBytes, FromBytes, Immutable, KnownLayout)]
-#[repr(C)]
-pub struct Prefix {
-    pub magic: u64,
-    pub version: u64,
-    pub schema: u64,
 }
 
 /// The newest of a hub that a cell has: 0 of what it has not.
@@ -82,8 +71,12 @@ pub struct TurnHead {
     /// What that controller says of itself; of [`Status::ZERO`] while it has not been asked.
     pub status: Status,
     pub seen: Seen,
+    /// The newest command of that hub that has come, by its number.
+    pub commands: u64,
     /// 1: an episode follows.
     pub has_episode: u64,
+    /// 1: a reply follows.
+    pub has_reply: u64,
 }
 
 /// A turn that was received and checked.
@@ -91,6 +84,7 @@ pub struct TurnHead {
 pub struct Turn {
     pub head: TurnHead,
     pub episode: Option<Episode>,
+    pub reply: Option<Box<SentReply>>,
 }
 
 /// The records in use, behind their header.
@@ -98,48 +92,6 @@ pub struct Turn {
 pub struct Episode {
     pub header: EpisodeHeader,
     pub records: Vec<TickRecord>,
-}
-
-/// Why a message of the other side is not used.
-#[derive(Debug, Error, PartialEq)]
-pub enum MessageError {
-    #[error("it is no message of a bridge, or comes from a machine of the other byte order")]
-    Magic,
-    #[error(
-        "bridge version {found} instead of {VERSION}: use one version of skillet on both machines"
-    )]
-    Version { found: u64 },
-    #[error(
-        "schema {found:#x} instead of {SCHEMA:#x}: the two machines run different builds of skillet; use one"
-    )]
-    Schema { found: u64 },
-    #[error("it has {len} bytes, which is no whole message")]
-    Length { len: usize },
-    #[error("a name in it is no text")]
-    Text,
-    #[error(transparent)]
-    Episode(#[from] EpisodeError),
-    #[error(transparent)]
-    Policy(#[from] shm_types::policy::PolicyMsgError),
-}
-
-impl Prefix {
-    pub const OURS: Prefix = Prefix { magic: MAGIC, version: VERSION, schema: SCHEMA };
-
-    /// Takes the prefix off `bytes`, after a look at the version before everything else.
-    pub fn take(bytes: &[u8]) -> Result<&[u8], MessageError> {
-        let (prefix, rest) = Prefix::read_from_prefix(bytes).map_err(|_| MessageError::Magic)?;
-        match prefix {
-            Prefix { magic, .. } if magic != MAGIC => Err(MessageError::Magic),
-            Prefix { version, .. } if version != VERSION => {
-                Err(MessageError::Version { found: version })
-            }
-            Prefix { schema, .. } if schema != SCHEMA => {
-                Err(MessageError::Schema { found: schema })
-            }
-            _ => Ok(rest),
-        }
-    }
 }
 
 impl TurnHead {
@@ -161,7 +113,7 @@ impl TurnHead {
 
     /// The turn as bytes, with the records in use of an episode that is valid.
     pub fn encode(&self, episode: Option<(&EpisodeHeader, &[TickRecord])>) -> Vec<u8> {
-        let head = TurnHead { has_episode: u64::from(episode.is_some()), ..*self };
+        let head = TurnHead { has_episode: u64::from(episode.is_some()), has_reply: 0, ..*self };
         let records = episode.map_or(0, |(_, records)| size_of_val(records));
         let mut bytes = Vec::with_capacity(MAX_TURN.min(1024 + size_of::<TurnHead>() + records));
         bytes.extend_from_slice(Prefix::OURS.as_bytes());
@@ -170,6 +122,12 @@ impl TurnHead {
             header.write(records, &mut bytes);
         }
         bytes
+    }
+
+    /// The turn as bytes, with the reply to a command.
+    pub fn encode_reply(&self, reply: &SentReply) -> Vec<u8> {
+        let head = TurnHead { has_episode: 0, has_reply: 1, ..*self };
+        [Prefix::OURS.as_bytes(), head.as_bytes(), reply.as_bytes()].concat()
     }
 }
 
@@ -188,15 +146,25 @@ impl Turn {
         {
             return Err(MessageError::Text);
         }
-        match head.has_episode {
-            0 if rest.is_empty() => Ok(Turn { head, episode: None }),
-            1 if len <= MAX_TURN => Ok(Turn { head, episode: Some(episode(rest, len)?) }),
-            _ => Err(MessageError::Length { len }),
+        check_status(&head.status)?;
+        let (mut episode, mut reply) = (None, None);
+        match (head.has_episode, head.has_reply) {
+            (0, 0) if rest.is_empty() => {}
+            (1, 0) if len <= MAX_TURN => episode = Some(read_episode(rest, len)?),
+            (0, 1) => reply = Some(Box::new(read_reply(rest, len)?)),
+            _ => return Err(MessageError::Length { len }),
         }
+        Ok(Turn { head, episode, reply })
     }
 }
 
-fn episode(bytes: &[u8], len: usize) -> Result<Episode, MessageError> {
+fn read_reply(bytes: &[u8], len: usize) -> Result<SentReply, MessageError> {
+    let sent = SentReply::read_from_bytes(bytes).map_err(|_| MessageError::Length { len })?;
+    sent.check()?;
+    Ok(sent)
+}
+
+fn read_episode(bytes: &[u8], len: usize) -> Result<Episode, MessageError> {
     let (header, records) = EpisodeHeader::read(bytes).ok_or(MessageError::Length { len })?;
     if header.validate(&records)?.len() != records.len() {
         return Err(MessageError::Length { len });
@@ -208,6 +176,8 @@ fn episode(bytes: &[u8], len: usize) -> Result<Episode, MessageError> {
 mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
+    use shm_types::SCHEMA;
+    use shm_types::command::Reply;
 
     use super::*;
 
@@ -221,7 +191,9 @@ mod tests {
             controller: Heartbeat { schema: SCHEMA, boot_id: 1, counter: 2, ..Heartbeat::NONE },
             status: Status::ZERO,
             seen: Seen { hub: 1, policy: 2, ack: 3 },
+            commands: 4,
             has_episode: 0,
+            has_reply: 0,
         }
     }
 
@@ -235,11 +207,29 @@ mod tests {
     #[test]
     fn a_turn_comes_back_bit_for_bit() {
         let turn = Turn::decode(&head().encode(None)).unwrap();
-        assert_eq!(turn, Turn { head: head(), episode: None });
+        assert_eq!(turn, Turn { head: head(), episode: None, reply: None });
         let (bytes, header) = with_episode();
         let episode = Turn::decode(&bytes).unwrap().episode.unwrap();
         assert_eq!((episode.header, episode.records.len()), (header, 2));
         assert_eq!(episode.records[1].tau[3], 1.0 / 3.0);
+    }
+
+    #[test]
+    fn a_reply_comes_back_and_a_cut_one_is_none() {
+        let reply = Reply::refused(9, Status::ZERO, "no arm");
+        let sent = SentReply { age_ns: 5, reply };
+        let bytes = head().encode_reply(&sent);
+        let turn = Turn::decode(&bytes).unwrap();
+        assert_eq!((turn.episode, turn.reply.as_deref()), (None, Some(&sent)));
+        for len in (0..bytes.len()).step_by(7) {
+            assert!(Turn::decode(&bytes[..len]).is_err(), "cut at {len}");
+        }
+        let odd = SentReply { reply: Reply { accepted: 9, ..reply }, ..sent };
+        let refused = Turn::decode(&head().encode_reply(&odd));
+        assert_eq!(refused, Err(MessageError::Value("accepted")));
+        let status = Status { posture_s: f64::NAN, ..Status::ZERO };
+        let endless = TurnHead { status, ..head() }.encode(None);
+        assert_eq!(Turn::decode(&endless), Err(MessageError::Value("posture")));
     }
 
     #[test]
@@ -289,7 +279,7 @@ mod tests {
                 let at = generator.random_range(0..bytes.len());
                 bytes[at] = generator.random_range(0..=255);
             }
-            if let Ok(Turn { head, episode }) = Turn::decode(&bytes) {
+            if let Ok(Turn { head, episode, .. }) = Turn::decode(&bytes) {
                 accepted += 1;
                 let episode = episode.expect("nothing else fits its length");
                 let again = head.encode(Some((&episode.header, &episode.records)));

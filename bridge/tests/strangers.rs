@@ -6,6 +6,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use bridge::event::Event;
+use bridge::live::Live;
 use bridge::net::Keys;
 use bridge::turn::{MessageError, NAME_LEN, Seen, Turn, TurnHead, VERSION, WORLD_LEN, refusal};
 use ends::{
@@ -14,6 +15,8 @@ use ends::{
 use serde_json::json;
 use shm_types::command::Status;
 use shm_types::episode::TickRecord;
+use shm_types::ports::ObserverPorts;
+use shm_types::telemetry::TelemetryTick;
 use shm_types::text;
 use zenoh::{Session, Wait};
 
@@ -42,6 +45,18 @@ impl Kitchen {
         let learnt = learner(machines.cell("hub", "kitchen"), 3, Duration::ZERO);
         let hub = machines.hub(1, &["kitchen"], learner_keys(&keys));
         Kitchen { machines, learnt, executed, hub, keys }
+    }
+
+    /// A client with the certificate of `cell`.
+    fn session_of(&self, cell: &str) -> Session {
+        let file = |name: &str| self.keys.join("cells").join(cell).join(name).display().to_string();
+        let tls = [
+            ("root_ca_certificate", file("ca.pem")),
+            ("connect_certificate", file("cert.pem")),
+            ("connect_private_key", file("key.pem")),
+            ("enable_mtls", "true".to_string()),
+        ];
+        stranger(&self.machines.address, &tls).expect("its certificate is good")
     }
 
     fn nothing_moved(&self) {
@@ -82,7 +97,9 @@ fn head(cell: &str) -> TurnHead {
         controller: beat(66, 1),
         status: Status::ZERO,
         seen: Seen::default(),
+        commands: 0,
         has_episode: 0,
+        has_reply: 0,
     }
 }
 
@@ -138,24 +155,52 @@ fn a_cell_with_the_keys_of_another_is_refused_and_told() {
 #[test]
 fn a_certificate_of_another_cell_is_not_heard_under_this_name() {
     let kitchen = Kitchen::new();
-    let session_of = |cell: &str| {
-        let file =
-            |name: &str| kitchen.keys.join("cells").join(cell).join(name).display().to_string();
-        let tls = [
-            ("root_ca_certificate", file("ca.pem")),
-            ("connect_certificate", file("cert.pem")),
-            ("connect_private_key", file("key.pem")),
-            ("enable_mtls", "true".to_string()),
-        ];
-        stranger(&kitchen.machines.address, &tls).expect("its certificate is good")
-    };
     let header = header_of(&policy(1), 66);
     let records = vec![TickRecord::ZERO; header.n_records as usize];
     let bytes = head("kitchen").encode(Some((&header, &records)));
-    assert_eq!(ask(&session_of("lab"), "skillet/kitchen/turn", bytes), []);
+    assert_eq!(ask(&kitchen.session_of("lab"), "skillet/kitchen/turn", bytes), []);
     kitchen.nothing_moved();
-    let answers = ask(&session_of("kitchen"), "skillet/kitchen/turn", head("kitchen").encode(None));
+    let answers =
+        ask(&kitchen.session_of("kitchen"), "skillet/kitchen/turn", head("kitchen").encode(None));
     assert!(matches!(&answers[..], [Ok(_)]), "its own is heard: {answers:?}");
+}
+
+/// Neither by the certificate of another cell nor by another bridge than the one that has joined.
+#[test]
+fn what_somebody_else_shows_of_a_loop_is_not_seen() {
+    const BRIDGE: u64 = 2;
+    let kitchen = Kitchen::new();
+    let cell = kitchen.machines.cell("cell", "kitchen");
+    let _join = kitchen.machines.join(BRIDGE, cell, keys_of(&kitchen.keys, "kitchen"));
+    kitchen.learnt.until("it learns", |learnt| !learnt.episodes.is_empty());
+    let soon = Duration::from_secs(30);
+    let there = kitchen.machines.cell("hub", "kitchen");
+    let ports = ObserverPorts::open(&there, soon).unwrap();
+    let (other, own) = (kitchen.session_of("lab"), kitchen.session_of("kitchen"));
+    let show = |session: &Session, bytes: &[u8]| {
+        session.put("skillet/kitchen/live", bytes.to_vec()).wait().unwrap();
+    };
+    let tick = |bridge, number| {
+        let record = TickRecord { tick: number, ..TickRecord::ZERO };
+        let tick = TelemetryTick { record, ..TelemetryTick::ZERO };
+        Live::Tick(Box::new(tick)).encode(bridge, 50)
+    };
+    kitchen.hub.until("rubbish is refused", |events| {
+        show(&other, &tick(BRIDGE, 1));
+        show(&own, &tick(99, 2));
+        show(&own, b"rubbish");
+        has(events, "live telemetry: it is no message of a bridge")
+    });
+    let start = std::time::Instant::now();
+    let seen = loop {
+        assert!(start.elapsed() < soon, "its own is not seen");
+        show(&own, &tick(BRIDGE, 3));
+        match ports.telemetry.receive().unwrap() {
+            Some(sample) => break sample.ticks()[0].record.tick,
+            None => std::thread::sleep(Duration::from_millis(5)),
+        }
+    };
+    assert_eq!(seen, 3);
 }
 
 #[test]

@@ -14,7 +14,8 @@ use ends::{
     Executed, Machines, Running, SESSION, TICK, controller, has, header_of, learner, policy,
 };
 use shm_types::cell::Cell;
-use shm_types::command::{COMMAND_HOLD, Command as ToolCommand};
+use shm_types::channel::ChannelError;
+use shm_types::command::{ACCEPTED, COMMAND_HOLD, Command as ToolCommand};
 use shm_types::episode::EpisodeHeader;
 use shm_types::ports::ToolPorts;
 
@@ -128,6 +129,35 @@ fn a_hub_that_is_killed_again_and_again_loses_nothing() {
     );
 }
 
+/// Its tool asks the next hub the same, and that the cell, which knows it.
+#[test]
+fn a_command_whose_hub_is_killed_is_carried_out_once() {
+    let machines = Machines::new();
+    let executed = controller(machines.cell("cell", "kitchen"), 11, None);
+    executed.state.lock().unwrap().is_mute = true;
+    let config = machines.joins(2, machines.cell("cell", "kitchen"), None);
+    let _bridge = machines.join_as(config);
+    let mut hub = hub_in_a_process(&machines, 20);
+    let there = machines.cell("hub", "kitchen");
+    // The tool has its answer within one round of its own; a learner keeps the cell alive meanwhile.
+    let _learnt = learner(there.clone(), 1, AT_ONCE);
+    let asked = std::thread::spawn(move || {
+        let tool = ToolPorts::open(&there, SOON).unwrap();
+        while tool.status(SOON).is_none() {}
+        tool.request(&ToolCommand::new(COMMAND_HOLD, 5), SOON)
+    });
+    executed.until("the command has come", |executed| executed.commands.len() == 1);
+    hub.kill().unwrap();
+    hub.wait().unwrap();
+    let mut hub = hub_in_a_process(&machines, 21);
+    executed.state.lock().unwrap().is_mute = false;
+    let reply = asked.join().unwrap().expect("the reply of the one that was carried out");
+    assert_eq!((reply.accepted, reply.applied_tick), (ACCEPTED, TICK));
+    assert_eq!(executed.look(|executed| executed.commands.clone()), [COMMAND_HOLD]);
+    hub.kill().unwrap();
+    hub.wait().unwrap();
+}
+
 /// This test's executable once more, as a hub.
 fn hub_in_a_process(machines: &Machines, id: u64) -> Child {
     Command::new(std::env::current_exe().unwrap())
@@ -156,7 +186,7 @@ fn hub_process() {
 }
 
 #[test]
-fn tools_on_the_learners_machine_see_how_a_cell_is_and_command_nothing() {
+fn tools_on_the_learners_machine_see_how_a_cell_is() {
     let machines = Machines::new();
     let _executed = controller(machines.cell("cell", "kitchen"), 11, None);
     let learnt = learner(machines.cell("hub", "kitchen"), 1, AT_ONCE);
@@ -164,13 +194,13 @@ fn tools_on_the_learners_machine_see_how_a_cell_is_and_command_nothing() {
     let bridge = machines.join(2, machines.cell("cell", "kitchen"), None);
     learnt.until("its rollout is learnt", |learnt| !learnt.episodes.is_empty());
     let tool = ToolPorts::open(&machines.cell("hub", "kitchen"), SOON).unwrap();
-    let status = tool.status(SOON).expect("the controller's own word");
-    assert_eq!((status.boot_id, status.tick), (11, TICK));
-    let refused = tool.request(&ToolCommand::new(COMMAND_HOLD, 5), SOON).unwrap();
-    assert_eq!(refused.accepted, 0);
-    assert!(refused.reason_text().contains("behind a bridge"), "{}", refused.reason_text());
+    let reply = tool.ask(SOON).expect("the controller's own word");
+    assert_eq!((reply.status.boot_id, reply.status.tick), (11, TICK));
+    assert_eq!(reply.via(), Some(bridge::net::host_name()));
     drop(bridge);
-    learnt.until("nobody answers for it", |_| tool.status(Duration::from_millis(200)).is_none());
+    learnt.until("and then why there is none", |_| {
+        matches!(tool.ask(SOON), Err(ChannelError::NotConnected { .. }))
+    });
 }
 
 /// Ends with its learner's session, and is not lost with it.

@@ -62,12 +62,18 @@ pub enum ChannelError {
         "the controller of cell '{cell}' does not respond ({seconds:.1} s): it is stopped or stuck; continue it (`kill -CONT`) or restart it"
     )]
     NoAnswer { cell: String, seconds: f64 },
+    #[error(
+        "cell '{cell}' is behind a bridge, and its machine {host} is not connected: check the network, and that \
+         `skillet bridge join --cell {cell}` runs there"
+    )]
+    NotConnected { cell: String, host: String },
 }
 
 impl ChannelError {
     /// Nobody is there who could answer, as opposed to something that went wrong.
     pub fn is_absence(&self) -> bool {
-        matches!(self, ChannelError::NoController { .. } | ChannelError::NoAnswer { .. })
+        use ChannelError::{NoAnswer, NoController, NotConnected};
+        matches!(self, NoController { .. } | NoAnswer { .. } | NotConnected { .. })
     }
 }
 

@@ -9,7 +9,7 @@ use thiserror::Error;
 
 use crate::equipment::Equipment;
 use crate::policy::{PolicyMsg, PolicyName};
-use crate::text::{self, NO_REASON, REASON_LEN};
+use crate::text::{self, HOST_LEN, NO_HOST, NO_REASON, REASON_LEN};
 use crate::{MAX_JOINTS, SCHEMA};
 
 pub const COMMAND_STATUS: u64 = 1;
@@ -38,6 +38,11 @@ pub const COMMAND_POSTURE: u64 = 12;
 pub const AT_NEXT_ROLLOUT: u64 = 0;
 pub const AT_NOW: u64 = 1;
 
+/// Values of [`Reply::accepted`]: not carried out; carried out; sent to another machine, which did not say.
+pub const REFUSED: u64 = 0;
+pub const ACCEPTED: u64 = 1;
+pub const UNKNOWN: u64 = 2;
+
 /// `policy_id` of the last good policy, whatever its number.
 pub const LAST_GOOD: u64 = 0;
 
@@ -58,6 +63,25 @@ message! {
         pub duration_s: f64,
         /// Read by an import only.
         pub policy: PolicyMsg,
+    }
+}
+
+/// What a command asks for, in a log.
+pub fn command_name(kind: u64) -> &'static str {
+    match kind {
+        COMMAND_STATUS => "status",
+        COMMAND_STOP => "stop",
+        COMMAND_IMPORT => "policy import",
+        COMMAND_ACTIVATE => "policy activate",
+        COMMAND_PIN => "policy pin",
+        COMMAND_UNPIN => "policy unpin",
+        COMMAND_ROLLBACK => "policy rollback",
+        COMMAND_FORBID => "policy forbid",
+        COMMAND_ALLOW => "policy allow",
+        COMMAND_REARM => "rearm",
+        COMMAND_HOLD => "hold",
+        COMMAND_POSTURE => "posture",
+        _ => "unknown",
     }
 }
 
@@ -156,15 +180,18 @@ message! {
     pub struct Reply as "skillet/Reply/4" {
         pub schema: u64,
         pub id: u64,
-        /// 1 when the command was understood and carried out.
+        /// [`ACCEPTED`] when the command was understood and carried out, else [`REFUSED`] or [`UNKNOWN`].
         pub accepted: u64,
         /// For an import, its id. For a swap, the policy, the first tick in which no other policy acts, and
-        /// when that tick began on the monotonic clock, ns. For a posture, the first tick that uses it.
+        /// when that tick began on the monotonic clock, ns; at the latest, if the reply came through a bridge.
+        /// For a posture, the first tick that uses it.
         pub policy: PolicyName,
         pub applied_tick: u64,
         pub applied_ns: u64,
         /// Why it was refused: UTF-8, filled up with zeros.
         pub reason: [u8; REASON_LEN],
+        /// Machine of the controller where a bridge lies between, else [`NO_HOST`].
+        pub via: [u8; HOST_LEN],
         pub status: Status,
     }
 }
@@ -218,18 +245,29 @@ impl Reply {
         Reply {
             schema: SCHEMA,
             id,
-            accepted: 1,
+            accepted: ACCEPTED,
             policy: PolicyName::NONE,
             applied_tick: 0,
             applied_ns: 0,
             reason: NO_REASON,
+            via: NO_HOST,
             status,
         }
     }
 
     /// A refused one; a reason that is too long loses its end.
     pub fn refused(id: u64, status: Status, reason: &str) -> Reply {
-        Reply { accepted: 0, reason: text::pack(reason), ..Reply::accepted(id, status) }
+        Reply { accepted: REFUSED, reason: text::pack(reason), ..Reply::accepted(id, status) }
+    }
+
+    /// One of which nobody can say whether it was carried out.
+    pub fn unknown(id: u64, status: Status, reason: &str) -> Reply {
+        Reply { accepted: UNKNOWN, ..Reply::refused(id, status, reason) }
+    }
+
+    /// The machine behind a bridge that it came from.
+    pub fn via(&self) -> Option<String> {
+        text::host(&self.via)
     }
 
     /// What a person reads.

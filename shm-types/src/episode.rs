@@ -161,7 +161,7 @@ impl TickRecord {
         reserved: 0,
     };
 
-    fn is_finite(&self) -> bool {
+    pub fn is_finite(&self) -> bool {
         let joints = self.q.iter().chain(&self.qd).chain(&self.tau);
         let task = self.x.iter().chain(&self.xd).chain(&self.attractor);
         let object = self.object_position.iter().chain(&self.object_quaternion);

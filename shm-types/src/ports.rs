@@ -28,6 +28,7 @@ pub struct ControllerPorts {
     pub episode_sent: Notifier<Ipc>,
     pub acks: Subscriber<Ipc, Ack, ()>,
     pub telemetry: Publisher<Ipc, Telemetry, ()>,
+    telemetry_service: PubSub<Telemetry>,
     /// Every policy that goes into the loop, before it does.
     pub in_loop: Publisher<Ipc, PolicyMsg, ()>,
     /// The header of every rollout that has ended.
@@ -49,6 +50,11 @@ impl ControllerPorts {
         self.cell.has(Role::Learner)
     }
 
+    /// Whether anybody looks at the loop, though it may stand still.
+    pub fn has_observers(&self) -> bool {
+        self.telemetry_service.dynamic_config().number_of_subscribers() > 0
+    }
+
     /// Creates every service of the cell. Call with the cell's controller lock held.
     pub fn create(cell: &Cell) -> Result<ControllerPorts, ChannelError> {
         let member = Member::first(cell)?;
@@ -59,6 +65,7 @@ impl ControllerPorts {
 
     fn create_in(member: Member, cell: &Cell) -> Result<ControllerPorts, ChannelError> {
         let (node, door) = (&member.node, Door::Create);
+        let telemetry_service = latest(node, TELEMETRY, &TELEMETRY_QOS, door)?;
         let episodes = episodes(node, door)?
             .publisher_builder()
             .initial_max_slice_len(MAX_RECORDS)
@@ -76,7 +83,8 @@ impl ControllerPorts {
                 .create()
                 .map_err(failed(EPISODE, "creating the notifier"))?,
             acks: subscriber(&latest(node, ACK, &ACK_QOS, door)?, ACK)?,
-            telemetry: publisher(&latest(node, TELEMETRY, &TELEMETRY_QOS, door)?, TELEMETRY)?,
+            telemetry: publisher(&telemetry_service, TELEMETRY)?,
+            telemetry_service,
             in_loop: publisher(&latest(node, IN_LOOP, &IN_LOOP_QOS, door)?, IN_LOOP)?,
             outcomes: publisher(&latest(node, OUTCOME, &OUTCOME_QOS, door)?, OUTCOME)?,
             _trials: latest(node, TRIAL, &TRIAL_QOS, door)?,

@@ -3,6 +3,7 @@
 use crate::SCHEMA;
 use crate::episode::TickRecord;
 use crate::equipment::Equipment;
+use crate::text::{self, HOST_LEN, NO_HOST};
 #[cfg(feature = "transport")]
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -33,12 +34,16 @@ message! {
 
 message! {
     /// A batch of ticks.
-    pub struct Telemetry as "skillet/Telemetry/2" {
+    pub struct Telemetry as "skillet/Telemetry/3" {
         pub schema: u64,
         /// Ticks lost before this sample because the exchange thread was late.
         pub lost: u64,
         /// Ticks in use, from the start.
         pub n_ticks: u64,
+        /// Machine of the controller where a bridge lies between, else [`NO_HOST`]; and how many ticks a second
+        /// it sends at most. Those between are left out, not lost.
+        pub via: [u8; HOST_LEN],
+        pub via_hz: u64,
         pub ticks: [TelemetryTick; TELEMETRY_TICKS],
     }
 }
@@ -86,8 +91,15 @@ impl Telemetry {
         schema: SCHEMA,
         lost: 0,
         n_ticks: 0,
+        via: NO_HOST,
+        via_hz: 0,
         ticks: [TelemetryTick::ZERO; TELEMETRY_TICKS],
     };
+
+    /// The machine behind a bridge that it came from.
+    pub fn via(&self) -> Option<String> {
+        text::host(&self.via)
+    }
 
     /// The ticks in use; none of a sample of another build.
     pub fn ticks(&self) -> &[TelemetryTick] {

@@ -6,6 +6,12 @@ pub const REASON_LEN: usize = 320;
 /// No reason.
 pub const NO_REASON: [u8; REASON_LEN] = [0; REASON_LEN];
 
+/// Bytes of the name of a machine.
+pub const HOST_LEN: usize = 64;
+
+/// No machine: nothing came through a bridge.
+pub const NO_HOST: [u8; HOST_LEN] = [0; HOST_LEN];
+
 /// One that is too long loses its end.
 pub fn pack<const LEN: usize>(text: &str) -> [u8; LEN] {
     let mut end = text.len().min(LEN);
@@ -22,6 +28,11 @@ pub fn unpack<const LEN: usize>(field: &[u8; LEN]) -> String {
     let end = field.iter().position(|byte| *byte == 0).unwrap_or(LEN);
     let text = String::from_utf8_lossy(&field[..end]);
     text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
+}
+
+/// The machine in a field, if there is one.
+pub fn host(field: &[u8; HOST_LEN]) -> Option<String> {
+    (*field != NO_HOST).then(|| unpack(field))
 }
 
 /// UTF-8, and nothing but zeros after its end.

@@ -10,8 +10,9 @@ use crate::SCHEMA;
 use crate::advice;
 use crate::cell::{Cell, Role};
 use crate::channel::*;
-use crate::command::{COMMAND_STATUS, Command, Reply, Status};
+use crate::command::{ACCEPTED, COMMAND_STATUS, Command, Reply, Status};
 use crate::ports::with_retry;
+use crate::text;
 
 /// A client looks for its reply without pause for this long.
 const EAGER: Duration = Duration::from_millis(2);
@@ -59,6 +60,26 @@ impl ToolPorts {
         }
     }
 
+    /// As [`ToolPorts::request`], of the controller that is there now and of no other: `None` when it has gone, after
+    /// `timeout`, or on `stop`. Nothing is said to one that follows it.
+    pub fn request_here(
+        &self,
+        command: &Command,
+        timeout: Duration,
+        stop: &dyn Fn() -> bool,
+    ) -> Option<Reply> {
+        let start = Instant::now();
+        while start.elapsed() < timeout && !stop() {
+            if !self.member.generation.is_current() || !self.cell.has(Role::Controller) {
+                return None;
+            }
+            if let Some(reply) = self.attempt(command, REPEAT) {
+                return Some(reply);
+            }
+        }
+        None
+    }
+
     fn attempt(&self, command: &Command, patience: Duration) -> Option<Reply> {
         let start = Instant::now();
         let pending = self.commands.send_copy(*command).ok();
@@ -99,7 +120,23 @@ impl ToolPorts {
     }
 
     pub fn status(&self, timeout: Duration) -> Option<Status> {
-        let id = u64::from(std::process::id());
-        self.request(&Command::new(COMMAND_STATUS, id), timeout).map(|reply| reply.status)
+        let reply = self.request(&status_command(), timeout)?;
+        (reply.accepted == ACCEPTED).then_some(reply.status)
     }
+
+    /// The status and which way it came, or why there is none.
+    pub fn ask(&self, timeout: Duration) -> Result<Reply, ChannelError> {
+        match self.request(&status_command(), timeout) {
+            Some(reply) if reply.accepted == ACCEPTED => Ok(reply),
+            Some(reply) => {
+                let (cell, host) = (self.cell.name().to_string(), text::unpack(&reply.via));
+                Err(ChannelError::NotConnected { cell, host })
+            }
+            None => Err(self.silence(timeout)),
+        }
+    }
+}
+
+fn status_command() -> Command {
+    Command::new(COMMAND_STATUS, u64::from(std::process::id()))
 }

@@ -50,6 +50,9 @@ Example:
   skillet controller --cell kitchen --config config/pancake.toml
   skillet bridge join --connect oven.lan:7447 --keys kitchen --cell kitchen --config config/pancake.toml
 
+From the learner's machine `skillet status`, `watch`, `record` and `hold` work with this cell. Other commands are
+refused unless --accept-commands is given; the owner of the arm decides.
+
 It tries again until it is stopped. While the learner's machine does not answer, the controller serves its last good
 policy, and what was executed waits in its spool.")]
 pub struct JoinArgs {
@@ -65,6 +68,15 @@ pub struct JoinArgs {
     /// Configuration of the controller; with it task and arm are compared with those of the learner
     #[arg(long)]
     pub config: Option<PathBuf>,
+    /// Carry out `skillet policy` and `skillet posture` given on the learner's machine; `hold` always is
+    #[arg(long)]
+    pub accept_commands: bool,
+    /// Let the learner's machine re-arm the arm, too; somebody beside it may have held it
+    #[arg(long)]
+    pub accept_rearm: bool,
+    /// Ticks a second that the learner's machine sees at most, while somebody watches there; 0: none
+    #[arg(long, value_name = "HZ", default_value_t = 50, value_parser = clap::value_parser!(u64).range(0..=50))]
+    pub telemetry: u64,
 }
 
 #[derive(Args)]

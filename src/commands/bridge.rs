@@ -28,6 +28,7 @@ mod network {
     use std::path::Path;
 
     use anyhow::{Result, bail};
+    use bridge::command::Accepts;
     use bridge::event::Event;
     use bridge::hub::{self, HubConfig};
     use bridge::join::{self, JoinConfig};
@@ -76,6 +77,8 @@ mod network {
             connect: args.connect.clone(),
             keys: args.keys.as_deref().map(Keys::at),
             world: world(args.config.as_deref(), &config)?,
+            accepts: Accepts { commands: args.accept_commands, rearm: args.accept_rearm },
+            telemetry_hz: args.telemetry,
             id: random_id(),
         };
         // One that waits for its learner is up.

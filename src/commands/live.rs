@@ -13,7 +13,7 @@ use shm_types::policy::PolicyMsg;
 use shm_types::random_id;
 
 use crate::Verdict;
-use crate::cell::NamedCell;
+use crate::cell::{NamedCell, through};
 use crate::cli::AtArg;
 use crate::fields;
 use crate::output::{print, print_json};
@@ -34,11 +34,14 @@ pub fn import(cell: &NamedCell, policy: PolicyMsg, as_json: bool) -> Result<Verd
     let (reply, _) = cell.request(&Command { policy, ..command(COMMAND_IMPORT) }, SOON)?;
     let (id, digest) = (reply.policy.policy_id, reply.policy.digest);
     if as_json {
-        print_json(&json!({ "policy_id": id, "policy_digest": fields::id(digest) }))?;
+        print_json(&json!({
+            "policy_id": id, "policy_digest": fields::id(digest), "via": reply.via(),
+        }))?;
     } else {
         let name = cell.cell.name();
         print(&format!(
-            "policy {id} admitted; run `skillet policy activate {id} --cell {name}` to use it\n"
+            "policy {id} admitted{}; run `skillet policy activate {id} --cell {name}` to use it\n",
+            through(&reply)
         ))?;
     }
     Ok(Verdict::Done)
@@ -80,11 +83,15 @@ fn swap(cell: &NamedCell, command: Command, at: AtArg, as_json: bool) -> Result<
             "applied_unix_s": applied.as_secs_f64(),
             "latency_ms": latency_ms,
             "pinned": reply.status.pinned == 1,
+            "via": reply.via(),
         }))?;
     } else {
         let (policy, tick) = (reply.policy.describe(), reply.applied_tick);
+        // The clock is that of another machine: what is known is when the reply came.
+        let at_most = if reply.via().is_some() { "at most " } else { "" };
         print(&format!(
-            "policy {policy} applied at tick {tick}, {latency_ms:.2} ms after the request\n"
+            "policy {policy} applied at tick {tick}, {at_most}{latency_ms:.2} ms after the request{}\n",
+            through(&reply)
         ))?;
         if reply.status.pinned == 1 {
             let name = cell.cell.name();
@@ -106,17 +113,31 @@ pub fn change(cell: &NamedCell, kind: u64, policy_id: u64, as_json: bool) -> Res
             "active_policy": fields::policy(&status.active),
             "pinned": status.pinned == 1,
             "last_good_policy": fields::policy(&status.last_good),
+            "via": reply.via(),
         }))?;
     } else {
         let pinned =
             if status.pinned == 1 { "pinned" } else { "not pinned: learners take precedence" };
-        print(&format!("active policy {active} ({pinned}); last good policy {good}\n"))?;
+        let through = through(&reply);
+        print(&format!("active policy {active} ({pinned}); last good policy {good}{through}\n"))?;
     }
     Ok(Verdict::Done)
 }
 
+/// The catalogue lies where the controller is.
+fn expect_here(cell: &NamedCell) -> Result<()> {
+    if let Some(host) = cell.via() {
+        let name = cell.cell.name();
+        bail!(
+            "the policies of cell '{name}' are on {host}, behind a bridge: run the command there"
+        );
+    }
+    Ok(())
+}
+
 /// Lists the catalogue on disk; needs no controller.
 pub fn list(cell: &NamedCell, as_json: bool) -> Result<Verdict> {
+    expect_here(cell)?;
     let dir = cell.state_dir();
     let state = State::read(&dir)?;
     let digest = |policy: &Option<PolicyMsg>| policy.map(|policy| policy.digest);
@@ -179,6 +200,7 @@ pub fn list(cell: &NamedCell, as_json: bool) -> Result<Verdict> {
 
 /// Reads a policy from the cell's folder, by its number or as the last good one.
 pub fn stored(cell: &NamedCell, id: &str) -> Result<PolicyMsg> {
+    expect_here(cell)?;
     let dir = cell.state_dir();
     let state = State::read(&dir)?;
     let name = cell.cell.name();

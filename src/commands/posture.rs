@@ -8,7 +8,7 @@ use shm_types::command::{COMMAND_POSTURE, Command};
 use shm_types::{MAX_JOINTS, random_id};
 
 use crate::Verdict;
-use crate::cell::NamedCell;
+use crate::cell::{NamedCell, through};
 use crate::cli::arm::PostureArgs;
 use crate::output::{print, print_json};
 use crate::{fields, health};
@@ -29,16 +29,21 @@ pub fn run(args: &PostureArgs) -> Result<Verdict> {
             "posture_in_s": in_s,
             "applied_tick": tick,
             "latency_ms": fields::ms(reply.applied_ns.saturating_sub(sent_ns)),
+            "via": reply.via(),
         }))?;
         return Ok(Verdict::Done);
     }
     let mut text = match health::posture(&reply.status) {
         Some(offset) => format!(
-            "the posture moves by {offset} within {in_s:.1} s, from tick {tick} on\nrun `skillet posture \
-             --reset --cell {name}` to undo this\n"
+            "the posture moves by {offset} within {in_s:.1} s, from tick {tick} on{}\nrun `skillet posture \
+             --reset --cell {name}` to undo this\n",
+            through(&reply)
         ),
         None => {
-            format!("the posture returns to its start within {in_s:.1} s, from tick {tick} on\n")
+            let through = through(&reply);
+            format!(
+                "the posture returns to its start within {in_s:.1} s, from tick {tick} on{through}\n"
+            )
         }
     };
     if reply.status.pinned == 0 && health::has_learner(&reply.status) {

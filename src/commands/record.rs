@@ -1,4 +1,4 @@
-//! `skillet record`: a running cell at full rate, as MCAP.
+//! `skillet record`: a running cell at full rate, as MCAP; through a bridge at the rate of the bridge.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
@@ -75,9 +75,12 @@ pub fn run(args: &RecordArgs) -> Result<Verdict> {
     let (bytes, elapsed) = (recorder.bytes(), start.elapsed());
     let files = recorder.finish()?;
     if args.json {
+        let bridged = watcher.bridged.as_ref();
         print_json(&json!({
             "files": files, "duration_s": elapsed.as_secs_f64(), "ticks_seen": watcher.ticks,
-            "ticks_lost": watcher.lost, "bytes": bytes,
+            "ticks_lost": bridged.is_none().then_some(watcher.lost), "bytes": bytes,
+            "via": bridged.map(|bridged| &bridged.host),
+            "telemetry_hz": bridged.map(|bridged| bridged.hz),
         }))?;
     } else {
         for file in &files {
@@ -90,9 +93,10 @@ pub fn run(args: &RecordArgs) -> Result<Verdict> {
 
 fn line(watcher: &Watcher, bytes: u64, elapsed: Duration) -> String {
     let (megabytes, seconds) = (bytes as f64 * 1e-6, elapsed.as_secs_f64());
-    let lost = match watcher.lost {
-        0 => "none lost".to_string(),
-        lost => format!("{lost} lost"),
+    let lost = match (&watcher.bridged, watcher.lost) {
+        (Some(bridged), _) => bridged.sentence(),
+        (None, 0) => "none lost".to_string(),
+        (None, lost) => format!("{lost} lost"),
     };
     let per_minute = megabytes / seconds * 60.0;
     format!(

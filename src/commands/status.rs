@@ -9,7 +9,7 @@ use rt_controller::fault::Fault;
 use serde_json::json;
 use shm_types::cell::Cell;
 use shm_types::channel::ChannelError;
-use shm_types::command::{PACE_MAX, PACE_PLANT, PLANT_ABSENT, PLANT_BUILT_IN, Status};
+use shm_types::command::{PACE_MAX, PACE_PLANT, PLANT_ABSENT, PLANT_BUILT_IN, Reply, Status};
 use shm_types::ports::ToolPorts;
 
 use crate::cell::NamedCell;
@@ -24,25 +24,25 @@ const TIMEOUT: Duration = Duration::from_secs(1);
 pub fn run(args: &StatusArgs) -> Result<Verdict> {
     let named = NamedCell::of(&args.cell)?;
     let (cell, faults_dir) = (&named.cell, named.state_dir().join(FAULTS_DIR));
-    let status = match ask(cell) {
-        Ok(status) => status,
+    let reply = match ask(cell) {
+        Ok(reply) => reply,
         Err(error) if error.is_absence() => return absent(cell, error, args.json),
         Err(error) => return Err(error.into()),
     };
     if args.json {
-        print_json(&as_json(cell, &status))?;
+        print_json(&as_json(cell, &reply))?;
     } else {
-        print(&as_text(cell, &status, &faults_dir))?;
+        print(&as_text(cell, &reply, &faults_dir))?;
     }
-    Ok(match health::of(&status).0 {
+    Ok(match health::of(&reply.status).0 {
         Health::Bad => Verdict::Negative,
         _ => Verdict::Done,
     })
 }
 
-fn ask(cell: &Cell) -> Result<Status, ChannelError> {
+fn ask(cell: &Cell) -> Result<Reply, ChannelError> {
     let ports = ToolPorts::open(cell, TIMEOUT)?;
-    ports.status(TIMEOUT).ok_or_else(|| ports.silence(TIMEOUT))
+    ports.ask(TIMEOUT)
 }
 
 /// There is no controller, or it does not answer: that is this command's answer.
@@ -75,11 +75,13 @@ fn seconds(ns: u64) -> Option<f64> {
     (ns != u64::MAX).then(|| fields::seconds(ns))
 }
 
-fn as_json(cell: &Cell, status: &Status) -> serde_json::Value {
+fn as_json(cell: &Cell, reply: &Reply) -> serde_json::Value {
+    let status = &reply.status;
     let (health, findings) = health::of(status);
     json!({
         "cell": cell.name(),
         "controller": "running",
+        "via": reply.via(),
         "health": health,
         "findings": findings,
         "notes": health::notes(status, cell.name()),
@@ -180,7 +182,12 @@ fn arm(status: &Status) -> String {
     }
 }
 
-fn as_text(cell: &Cell, status: &Status, faults_dir: &Path) -> String {
+fn as_text(cell: &Cell, reply: &Reply, faults_dir: &Path) -> String {
+    let status = &reply.status;
+    let bridge = match reply.via() {
+        Some(host) => format!("controller  on {host}, through the bridge, as of the last 2 s\n"),
+        None => String::new(),
+    };
     let us = |ns: u64| ns as f64 * 1e-3;
     let pace = match (status.pace, status.privileged) {
         (PACE_MAX, _) => "as fast as the simulation allows",
@@ -194,7 +201,7 @@ fn as_text(cell: &Cell, status: &Status, faults_dir: &Path) -> String {
         None => "none".into(),
     };
     let mut text = format!(
-        "cell        {}\n{}plant       {}\npace        {pace}, period {} µs\nphase       {}, tick {}, fault: {}\n\
+        "cell        {}\n{bridge}{}plant       {}\npace        {pace}, period {} µs\nphase       {}, tick {}, fault: {}\n\
          in the loop policy {}, applied at tick {}\n",
         cell.name(),
         arm(status),
@@ -234,7 +241,11 @@ fn as_text(cell: &Cell, status: &Status, faults_dir: &Path) -> String {
         status.policies_refused,
         status.commands_refused,
     );
-    text += &trouble(status, faults_dir);
+    let faults = match reply.via() {
+        Some(host) => format!("the state folder on {host}"),
+        None => faults_dir.display().to_string(),
+    };
+    text += &trouble(status, &faults);
     text += &format!(
         "tick        p50 {:.1}  p99 {:.1}  max {:.1} µs\n",
         us(status.tick_p50_ns),
@@ -254,7 +265,7 @@ fn as_text(cell: &Cell, status: &Status, faults_dir: &Path) -> String {
 }
 
 /// Lines about failures, if there were any.
-fn trouble(status: &Status, faults_dir: &Path) -> String {
+fn trouble(status: &Status, faults: &str) -> String {
     let mut text = String::new();
     if status.spooled > 0 {
         let full = if status.spool_full == 1 { "; it is full, learning is paused" } else { "" };
@@ -263,7 +274,7 @@ fn trouble(status: &Status, faults_dir: &Path) -> String {
     }
     if status.fault_records > 0 {
         let n = status.fault_records;
-        text += &format!("faults      {n} flight records in {}\n", faults_dir.display());
+        text += &format!("faults      {n} flight records in {faults}\n");
     }
     if status.state_errors > 0 {
         text += &format!(

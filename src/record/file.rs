@@ -3,6 +3,7 @@
 //! A file in the making is called `NAME.mcap.part` and locked. It holds complete chunks up to the last
 //! second; when its writer dies, the next recorder in the folder repairs the file.
 
+use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -89,6 +90,11 @@ impl RecordingFile {
             data: text.as_bytes().into(),
         };
         self.writer.attach(&attachment).with_context(|| self.cannot("write"))
+    }
+
+    /// Something that a reader should know of the whole file.
+    pub fn describe(&self, name: &str, values: BTreeMap<String, String>) -> Result<()> {
+        self.writer.write_metadata(name, values).with_context(|| self.cannot("write"))
     }
 
     pub fn bytes(&self) -> u64 {

@@ -1,6 +1,7 @@
 //! Recordings (MCAP) and live views of a cell: what was seen, written to topics with schemas that
 //! Foxglove, PlotJuggler, Rerun and the `mcap` tool know.
 
+pub mod bridged;
 pub mod drawing;
 pub mod file;
 mod loop_policy;

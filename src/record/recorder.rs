@@ -5,11 +5,14 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use shm_types::telemetry::TelemetryTick;
 
+use super::bridged::Bridged;
 use super::file::{RecordingFile, free};
 use super::messages::{Measures, Mixture, Trial};
 use super::scribe::{Detail, Scribe};
 use super::watcher::Seen;
 
+/// Name of the metadata of a recording through a bridge.
+const BRIDGE: &str = "skillet-bridge";
 /// Frames every so many ticks, 33 Hz at 1 kHz; stiffness and attractor as a drawing less often.
 const FRAMES_EVERY: u64 = 30;
 const SPRINGS_EVERY: u64 = 60;
@@ -38,6 +41,8 @@ pub struct Recorder {
     last_phase: u32,
     /// Told before the first tick, whose time it gets; `None` from then on.
     early: Option<Vec<Seen>>,
+    /// The ticks come through a bridge.
+    bridged: Option<Bridged>,
     /// The bodies are in this file.
     is_drawn: bool,
     bytes_before: u64,
@@ -60,6 +65,7 @@ impl Recorder {
             finished: Vec::new(),
             last_phase: 0,
             early: Some(Vec::new()),
+            bridged: None,
             is_drawn: false,
             bytes_before: 0,
         })
@@ -67,6 +73,10 @@ impl Recorder {
 
     /// Writes what was received.
     pub fn write(&mut self, seen: Seen) -> Result<()> {
+        if let Seen::Bridged(bridged) = &seen {
+            self.file.describe(BRIDGE, bridged.metadata())?;
+            self.bridged = Some(bridged.clone());
+        }
         match (&mut self.early, seen) {
             (_, Seen::Tick(tick, at_ns)) => return self.tick(&tick, at_ns),
             (Some(early), seen) => early.push(seen),
@@ -87,6 +97,7 @@ impl Recorder {
                 }
             }
             Seen::Measures(news) => self.scribe.measures(&Measures::from(&**news)),
+            Seen::Bridged(bridged) => self.scribe.warn(bridged.sentence()),
             Seen::Lost(ticks) => self.scribe.warn(format!("{ticks} ticks were not seen")),
             Seen::ControllerGone => self.scribe.warn("the controller is gone".into()),
             Seen::ControllerBack => self.scribe.warn("the controller is back".into()),
@@ -111,11 +122,13 @@ impl Recorder {
             self.tell_early();
             if !self.finished.is_empty() {
                 self.scribe.policies_again();
+                self.bridged.iter().for_each(|bridged| self.scribe.warn(bridged.sentence()));
             }
             self.scribe.bodies();
             self.is_drawn = true;
         }
-        let every = |ticks| tick.record.tick.is_multiple_of(ticks);
+        // What comes through a bridge is rare already, and has no numbers of its own choice.
+        let every = |ticks| self.bridged.is_some() || tick.record.tick.is_multiple_of(ticks);
         let frames = every(FRAMES_EVERY);
         let object = frames || self.limits.object_always;
         let detail = Detail { object, frames, springs: every(SPRINGS_EVERY) };
@@ -151,6 +164,9 @@ impl Recorder {
         let full = std::mem::replace(&mut self.file, next);
         self.finished.push(full.finish()?);
         self.is_drawn = false;
+        if let Some(bridged) = &self.bridged {
+            self.file.describe(BRIDGE, bridged.metadata())?;
+        }
         Ok(())
     }
 
@@ -174,6 +190,38 @@ fn begin(scribe: &Scribe, path: &Path, attachments: &[Attachment]) -> Result<Rec
 mod tests {
     use super::*;
     use crate::config::Config;
+
+    /// Its frames too: no tick of it is one of every 30.
+    #[test]
+    fn a_recording_through_a_bridge_says_so_in_every_file() {
+        let directory = tempfile::TempDir::new().unwrap();
+        let scribe = crate::record::scribe(&Config::default()).unwrap();
+        let limits = Limits { max_bytes: 1_000_000, by_rollout: true, object_always: false };
+        let path = directory.path().join("c.mcap");
+        let mut recorder = Recorder::new(scribe, &path, limits, Vec::new()).unwrap();
+        recorder.write(Seen::Bridged(Bridged { host: "arm-1".into(), hz: 50 })).unwrap();
+        for (number, phase) in [(19, 0), (39, APPROACH)] {
+            let mut tick = Box::new(TelemetryTick::ZERO);
+            (tick.record.tick, tick.record.phase) = (number, phase);
+            recorder.write(Seen::Tick(tick, number * 1_000_000)).unwrap();
+        }
+        let files = recorder.finish().unwrap();
+        assert_eq!(files.len(), 2);
+        for file in files {
+            let bytes = std::fs::read(&file).unwrap();
+            let told: Vec<String> = mcap::MessageStream::new(&bytes)
+                .unwrap()
+                .map(|message| message.unwrap().channel.topic.clone())
+                .collect();
+            assert!(told.iter().any(|topic| topic == "/tf"), "{told:?}");
+            assert!(told.iter().any(|topic| topic == "/log"), "{told:?}");
+            let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
+            let [metadata] = &summary.metadata_indexes[..] else { panic!("{file:?}") };
+            let metadata = mcap::read::metadata(&bytes, metadata).unwrap();
+            assert_eq!((&*metadata.name, &*metadata.metadata["via"]), (BRIDGE, "arm-1"));
+            assert_eq!(metadata.metadata["telemetry_hz"], "50");
+        }
+    }
 
     #[test]
     fn what_is_told_before_the_first_tick_gets_its_time() {

@@ -1,5 +1,5 @@
 //! An observer of a running cell that does not lose sight of it: it follows restarted controllers
-//! and counts what it missed.
+//! and counts what it missed. What a bridge leaves out is not missed.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -12,7 +12,9 @@ use shm_types::episode::EpisodeHeader;
 use shm_types::news::{MeasuresNews, TrialNews};
 use shm_types::policy::PolicyMsg;
 use shm_types::ports::ObserverPorts;
-use shm_types::telemetry::TelemetryTick;
+use shm_types::telemetry::{Telemetry, TelemetryTick};
+
+use super::bridged::Bridged;
 
 /// How long a lost controller is looked for before the caller gets another turn.
 const SOON: Duration = Duration::from_millis(20);
@@ -29,6 +31,8 @@ pub enum Seen {
     Tick(Box<TelemetryTick>, u64),
     Trial(Box<TrialNews>),
     Measures(Box<MeasuresNews>),
+    /// The following ticks come through a bridge.
+    Bridged(Bridged),
     /// So many ticks are missing before the next one.
     Lost(u64),
     /// The controller has gone; another one is looked for.
@@ -47,6 +51,8 @@ pub struct Watcher {
     origin_ns: Option<u64>,
     next_tick: Option<u64>,
     seen: VecDeque<Seen>,
+    /// Ticks come through a bridge.
+    pub bridged: Option<Bridged>,
     pub ticks: u64,
     pub lost: u64,
 }
@@ -65,6 +71,7 @@ impl Watcher {
             origin_ns: None,
             next_tick: None,
             seen,
+            bridged: None,
             ticks: 0,
             lost: 0,
         })
@@ -80,6 +87,7 @@ impl Watcher {
 
     fn look(&mut self) -> Result<()> {
         let Some(ports) = &self.ports else { return self.look_for_controller() };
+        let mut bridged = None;
         while let Some(policy) = ports.in_loop.receive()? {
             self.seen.push_back(Seen::Policy(Box::new(*policy)));
         }
@@ -90,6 +98,7 @@ impl Watcher {
         }
         let mut ticks = Vec::new();
         while let Some(sample) = ports.telemetry.receive()? {
+            bridged = bridged_by(&sample).or(bridged);
             ticks.extend_from_slice(sample.ticks());
         }
         while let Some(news) = ports.trials.receive()? {
@@ -108,6 +117,10 @@ impl Watcher {
             self.looked = Instant::now();
             // A dead one leaves its services behind, and its learner goes on to tell of itself there.
             self.is_there &= self.cell.has(Role::Controller);
+        }
+        if let Some(bridged) = bridged.filter(|new| self.bridged.as_ref() != Some(new)) {
+            self.bridged = Some(bridged.clone());
+            self.seen.push_back(Seen::Bridged(bridged));
         }
         if let Some(last) = ticks.last() {
             self.keep_time(last.record.tick);
@@ -130,7 +143,7 @@ impl Watcher {
             Ok(ports) => {
                 (self.ports, self.is_there) = (Some(ports), true);
                 // Another loop, another count and another clock.
-                (self.next_tick, self.origin_ns) = (None, None);
+                (self.next_tick, self.origin_ns, self.bridged) = (None, None, None);
                 self.seen.push_back(Seen::ControllerBack);
                 Ok(())
             }
@@ -141,7 +154,8 @@ impl Watcher {
 
     fn take(&mut self, tick: TelemetryTick) {
         let number = tick.record.tick;
-        let missing = self.next_tick.map_or(0, |next| number.saturating_sub(next));
+        let next = self.next_tick.filter(|_| self.bridged.is_none());
+        let missing = next.map_or(0, |next| number.saturating_sub(next));
         if missing > 0 {
             self.lost += missing;
             self.seen.push_back(Seen::Lost(missing));
@@ -167,6 +181,10 @@ impl Watcher {
             self.origin_ns = Some(found);
         }
     }
+}
+
+fn bridged_by(sample: &Telemetry) -> Option<Bridged> {
+    sample.via().map(|host| Bridged { host, hz: sample.via_hz })
 }
 
 /// Waits between two looks: short enough to lose nothing, long enough to disturb no other process. A controller at full speed fills the channel in 50 ms.

@@ -7,11 +7,12 @@ use std::time::Duration;
 use shm_types::cell::Cell;
 use shm_types::command::{
     AT_NOW, COMMAND_ACTIVATE, COMMAND_HOLD, COMMAND_PIN, COMMAND_REARM, COMMAND_ROLLBACK,
-    COMMAND_UNPIN, Command,
+    COMMAND_UNPIN, Command, UNKNOWN,
 };
 use shm_types::ports::ToolPorts;
 use shm_types::random_id;
 
+use crate::cell::through;
 use crate::people::{self, Word};
 use crate::session_folder::SessionFolder;
 
@@ -126,11 +127,14 @@ fn carry_out(cell: &Cell, action: Action) -> String {
     };
     match ports.request(&command, TIMEOUT) {
         None => format!("{name}: no reply yet; see the active policy above"),
-        Some(reply) if reply.accepted != 1 => format!("{name}: refused: {}", reply.reason_text()),
+        Some(reply) if reply.accepted == UNKNOWN => format!("{name}: {}", reply.reason_text()),
+        Some(reply) if reply.accepted != 1 => {
+            format!("{name}: refused{}: {}", through(&reply), reply.reason_text())
+        }
         Some(reply) if reply.applied_tick > 0 => {
             let (policy, tick) = (reply.policy.describe(), reply.applied_tick);
-            format!("{name}: policy {policy} applied at tick {tick}")
+            format!("{name}: policy {policy} applied at tick {tick}{}", through(&reply))
         }
-        Some(_) => format!("{name}: done"),
+        Some(reply) => format!("{name}: done{}", through(&reply)),
     }
 }

@@ -44,6 +44,8 @@ pub fn json(model: &Model, watcher: &Watcher) -> String {
     let value = json!({
         "cell": model.cell,
         "controller": vitals.controller().name(),
+        "via": vitals.via(),
+        "telemetry_hz": model.bridged.as_ref().map(|bridged| bridged.hz),
         "controller_age_s": vitals.silence().as_secs_f64(),
         "health": health.map(|health| health.name()),
         "findings": findings,
@@ -55,7 +57,8 @@ pub fn json(model: &Model, watcher: &Watcher) -> String {
         "tick_age_s": seconds(vitals.tick_age()),
         "phase": fields::phase(model.last.record.phase),
         "ticks_seen": watcher.ticks,
-        "ticks_lost": watcher.lost,
+        // What a bridge leaves out is not lost.
+        "ticks_lost": model.bridged.is_none().then_some(watcher.lost),
         "deadline_misses": model.last.missed,
         "wakeup_us": { "p50": wakeup.p50, "p99": wakeup.p99, "max": wakeup.max },
         "tick_us": { "p50": tick.p50, "p99": tick.p99, "max": tick.max },
@@ -95,5 +98,10 @@ pub fn text(model: &Model, _: &Watcher) -> String {
         _ => String::new(),
     };
     let (controller, learner) = (vitals.controller().name(), vitals.learner().name());
-    format!("controller {controller}{tick}, learner {learner}{trials}; health {health}")
+    let bridge = match (&model.bridged, vitals.via()) {
+        (Some(bridged), _) => format!(" ({})", bridged.sentence()),
+        (None, Some(host)) => format!(" (through the bridge to {host})"),
+        (None, None) => String::new(),
+    };
+    format!("controller {controller}{bridge}{tick}, learner {learner}{trials}; health {health}")
 }

@@ -18,6 +18,7 @@ use shm_types::telemetry::TelemetryTick;
 
 use crate::cell::NamedCell;
 use crate::fields;
+use crate::record::bridged::Bridged;
 use crate::record::watcher::{Seen, Watcher};
 use session::WatchedSession;
 use vitals::Vitals;
@@ -49,6 +50,8 @@ pub struct Model {
     pub cell: String,
     pub vitals: Vitals,
     pub last: TelemetryTick,
+    /// Ticks come through a bridge.
+    pub bridged: Option<Bridged>,
     pub session: WatchedSession,
     /// Newest last.
     pub notes: VecDeque<String>,
@@ -70,6 +73,7 @@ impl Model {
             cell: cell.name().into(),
             vitals: Vitals::of(cell),
             last: TelemetryTick::ZERO,
+            bridged: None,
             session: WatchedSession::default(),
             notes: VecDeque::new(),
             current: Times::new(),
@@ -86,7 +90,9 @@ impl Model {
             Seen::ControllerBack => {
                 // Another loop, with times of its own.
                 (self.last, self.shown, self.current) = (TelemetryTick::ZERO, None, Times::new());
+                self.bridged = None;
             }
+            Seen::Bridged(bridged) => self.bridged = Some(bridged.clone()),
             Seen::ControllerGone => {}
             Seen::Policy(_) | Seen::Outcome(_) | Seen::Lost(_) => {}
         }

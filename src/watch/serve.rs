@@ -66,6 +66,10 @@ pub fn run(
                     }
                 }
                 Seen::Measures(news) => scribe.measures(&Measures::from(&*news)),
+                Seen::Bridged(bridged) => {
+                    say(&bridged.sentence());
+                    scribe.warn(bridged.sentence());
+                }
                 // Told below, with those that stand still; ticks are left out on purpose.
                 Seen::ControllerGone | Seen::ControllerBack | Seen::Lost(_) => {}
             }

@@ -89,7 +89,15 @@ fn findings(model: &Model) -> Option<String> {
 }
 
 fn state(model: &Model, lost: u64) -> Paragraph<'static> {
-    let title = Line::from(vec![" cell ".into(), model.cell.clone().bold(), " ".into()]);
+    let bridge = match (&model.bridged, model.vitals.via()) {
+        (Some(bridged), _) => {
+            format!("through the bridge to {}, {} Hz, not every tick ", bridged.host, bridged.hz)
+        }
+        (None, Some(host)) => format!("through the bridge to {host} "),
+        (None, None) => String::new(),
+    };
+    let cell = model.cell.clone().bold();
+    let title = Line::from(vec![" cell ".into(), cell, " ".into(), bridge.yellow()]);
     let block = Block::bordered().title(title);
     let mut lines = match model.vitals.status() {
         Some(status) => known(model, lost, &status),
@@ -148,6 +156,10 @@ fn known(model: &Model, lost: u64, status: &Status) -> Vec<Line<'static>> {
         0 => Span::from("none"),
         code => Fault::describe(code as u32).red().bold(),
     };
+    let missed = match model.bridged {
+        Some(_) => String::new(),
+        None => format!("  {lost} ticks missed"),
+    };
     let mut lines = vec![
         Line::from(vec![
             health.name().fg(color).bold(),
@@ -159,7 +171,7 @@ fn known(model: &Model, lost: u64, status: &Status) -> Vec<Line<'static>> {
             status.is_paced(),
             &format!("  {} deadlines missed", model.last.missed),
         ),
-        times_line("tick   ", &tick, true, &format!("  {lost} ticks missed")),
+        times_line("tick   ", &tick, true, &missed),
         Line::from(format!(
             "policy   in the loop {}  active {}{pinned}  last good {}",
             status.in_loop.describe(),
@@ -286,6 +298,7 @@ fn modes_table(model: &Model) -> Table<'static> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::record::bridged::Bridged;
     use ratatui::Terminal;
     use ratatui::backend::TestBackend;
     use shm_types::cell::Cell;
@@ -325,6 +338,10 @@ mod tests {
         ] {
             assert!(text.contains(part), "no '{part}' in: {text}");
         }
+        model.bridged = Some(Bridged { host: "arm-1".into(), hz: 50 });
+        let text = drawn(&model, &Prompt::None);
+        assert!(text.contains("through the bridge to arm-1, 50 Hz, not every tick"), "{text}");
+        assert!(!text.contains("ticks missed"), "{text}");
         assert!(drawn(&model, &Prompt::Number("12".into())).contains("policy number: 12"));
         model.vitals.look(); // nobody holds a lock
         assert!(drawn(&model, &Prompt::None).contains("no controller for"));

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use shm_types::cell::{Cell, Role};
 use shm_types::channel::ChannelError;
-use shm_types::command::Status;
+use shm_types::command::{Reply, Status};
 use shm_types::ports::ToolPorts;
 
 use crate::health::{self, Health, SILENT};
@@ -39,8 +39,10 @@ impl Presence {
 /// Signs of life of a cell.
 pub struct Vitals {
     cell: Cell,
-    answers: Receiver<Result<Status, ChannelError>>,
+    answers: Receiver<Result<Reply, ChannelError>>,
     status: Option<(Status, Instant)>,
+    /// The machine of the controller, where a bridge lies between.
+    via: Option<String>,
     /// When the controller last replied or ticked; before that, when the watch began.
     heard: Instant,
     ticked: Option<Instant>,
@@ -59,6 +61,7 @@ impl Vitals {
             cell: cell.clone(),
             answers: ask(cell.clone()),
             status: None,
+            via: None,
             heard: Instant::now(),
             ticked: None,
             trouble: None,
@@ -73,11 +76,15 @@ impl Vitals {
     pub fn look(&mut self) {
         for answer in self.answers.try_iter() {
             match answer {
-                Ok(status) => {
+                Ok(reply) => {
                     self.heard = Instant::now();
-                    (self.status, self.trouble) = (Some((status, self.heard)), None);
+                    self.via = reply.via();
+                    (self.status, self.trouble) = (Some((reply.status, self.heard)), None);
                 }
-                Err(error) => self.trouble = Some(error).filter(|error| !error.is_absence()),
+                Err(error) => {
+                    let is_cut = matches!(error, ChannelError::NotConnected { .. });
+                    self.trouble = Some(error).filter(|error| is_cut || !error.is_absence());
+                }
             }
         }
         if self.looked.is_none_or(|looked| looked.elapsed() >= LOOK) {
@@ -114,6 +121,11 @@ impl Vitals {
             true => Presence::Running,
             false => Presence::Absent,
         }
+    }
+
+    /// The machine of the controller, where a bridge lies between.
+    pub fn via(&self) -> Option<&str> {
+        self.via.as_deref()
     }
 
     /// Since the controller was last heard.
@@ -206,16 +218,16 @@ impl Vitals {
 
 /// Asks again and again on a thread of its own, which ends with the receiver: a controller that does
 /// not answer must not stop the picture.
-fn ask(cell: Cell) -> Receiver<Result<Status, ChannelError>> {
+fn ask(cell: Cell) -> Receiver<Result<Reply, ChannelError>> {
     let (sender, statuses) = channel();
     std::thread::spawn(move || {
         let mut ports: Option<ToolPorts> = None;
         loop {
             let opened = ports.take().map_or_else(|| ToolPorts::open(&cell, TIMEOUT), Ok);
             let answer = opened.and_then(|opened| {
-                let status = opened.status(TIMEOUT).ok_or_else(|| opened.silence(TIMEOUT))?;
+                let reply = opened.ask(TIMEOUT)?;
                 ports = Some(opened);
-                Ok(status)
+                Ok(reply)
             });
             if sender.send(answer).is_err() {
                 return;

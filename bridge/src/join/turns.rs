@@ -13,6 +13,8 @@ use crate::turn::reason;
 pub(super) enum Kind {
     News,
     Episode,
+    /// To a command.
+    Reply,
     Door,
 }
 

@@ -11,17 +11,20 @@ use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use bridge::command::Accepts;
 use bridge::event::Event;
 use bridge::hub::{self, HubConfig};
 use bridge::join::{self, JoinConfig};
+use bridge::live::MAX_HZ;
 use bridge::net::Keys;
 use shm_types::SCHEMA;
 use shm_types::cell::{Cell, Role};
-use shm_types::command::{Reply, Status};
+use shm_types::channel::CommandRequest;
+use shm_types::command::{COMMAND_STATUS, Reply, Status};
 use shm_types::episode::{Ack, EpisodeHeader, TickRecord};
 use shm_types::policy::PolicyMsg;
 use shm_types::ports::{ControllerPorts, LearnerPorts};
-use shm_types::telemetry::Heartbeat;
+use shm_types::telemetry::{Heartbeat, TELEMETRY_TICKS, Telemetry};
 
 /// Longest wait of a test for what must happen.
 const WATCHDOG: Duration = Duration::from_secs(90);
@@ -121,8 +124,23 @@ impl Machines {
         keys: Option<Keys>,
         world: &str,
     ) -> Running<Vec<Event>> {
-        let (connect, world) = (self.address.clone(), world.to_string());
-        let config = JoinConfig { cell, connect, keys, world, id };
+        self.join_as(JoinConfig { world: world.to_string(), ..self.joins(id, cell, keys) })
+    }
+
+    /// How a cell joins that accepts no commands.
+    pub fn joins(&self, id: u64, cell: Cell, keys: Option<Keys>) -> JoinConfig {
+        JoinConfig {
+            cell,
+            connect: self.address.clone(),
+            keys,
+            world: String::new(),
+            accepts: Accepts::default(),
+            telemetry_hz: MAX_HZ,
+            id,
+        }
+    }
+
+    pub fn join_as(&self, config: JoinConfig) -> Running<Vec<Event>> {
         Running::start(Vec::new(), move |stop, events| {
             join::run(&config, stop, &mut |event| events.lock().unwrap().push(event)).unwrap();
         })
@@ -251,8 +269,57 @@ pub struct Executed {
     /// Not acknowledged, as in a spool.
     pub spool: BTreeMap<(u64, u64), EpisodeHeader>,
     pub learner_heard: Option<Instant>,
+    /// Commands that came, by their kind.
+    pub commands: Vec<u64>,
     /// Set by a test: a machine fault that it tells of.
     pub latched: u64,
+    /// Set by a test: commands are carried out, but not replied to.
+    pub is_mute: bool,
+    /// Set by a test: it tells of its ticks.
+    pub shows_ticks: bool,
+}
+
+/// Commands under way, and the ticks of the loop.
+#[derive(Default)]
+struct Service {
+    requests: Vec<CommandRequest>,
+    tick: u64,
+    batches: u32,
+}
+
+impl Service {
+    /// As a controller does: one that comes again is the same.
+    fn serve(&mut self, ports: &ControllerPorts, boot_id: u64, executed: &mut Executed) {
+        while let Ok(Some(request)) = ports.commands.receive() {
+            if request.kind == COMMAND_STATUS {
+                let status = Status { boot_id, tick: TICK, ..Status::ZERO };
+                let _ = request.send_copy(Reply::accepted(request.id, status));
+                continue;
+            }
+            let is_new = self.requests.iter().all(|known| known.id != request.id);
+            executed.commands.extend(is_new.then_some(request.kind));
+            self.requests.push(request);
+        }
+        if !executed.is_mute {
+            for request in self.requests.drain(..) {
+                let reply = Reply::accepted(request.id, Status::ZERO);
+                let _ = request.send_copy(Reply { applied_tick: TICK, applied_ns: 1, ..reply });
+            }
+        }
+    }
+
+    /// A batch every 20 ms, as a loop of 1 kHz has them.
+    fn show(&mut self, ports: &ControllerPorts, began: Instant) {
+        while self.batches < began.elapsed().as_millis() as u32 / TELEMETRY_TICKS as u32 {
+            self.batches += 1;
+            let mut batch = Telemetry { n_ticks: TELEMETRY_TICKS as u64, ..Telemetry::EMPTY };
+            for tick in &mut batch.ticks {
+                self.tick += 1;
+                tick.record.tick = self.tick;
+            }
+            let _ = ports.telemetry.send_copy(batch);
+        }
+    }
 }
 
 fn episode_of(header: &EpisodeHeader) -> Vec<TickRecord> {
@@ -269,6 +336,7 @@ pub fn controller(cell: Cell, boot_id: u64, spooled: Option<EpisodeHeader>) -> R
         let lock = cell.lock(Role::Controller).unwrap();
         let ports = ControllerPorts::create(&cell).unwrap();
         let (mut next_beat, mut counter, mut unsolicited) = (Instant::now(), 0, spooled);
+        let (mut service, began) = (Service::default(), Instant::now());
         while !stop.load(Ordering::Relaxed) {
             while let Ok(Some(policy)) = ports.policies.receive() {
                 policy.validate().unwrap();
@@ -278,9 +346,9 @@ pub fn controller(cell: Cell, boot_id: u64, spooled: Option<EpisodeHeader>) -> R
                 let spool = &mut executed.lock().unwrap().spool;
                 spool.retain(|(session, rollout), _| !ack.covers(*session, *rollout));
             }
-            while let Ok(Some(request)) = ports.commands.receive() {
-                let status = Status { boot_id, tick: TICK, ..Status::ZERO };
-                let _ = request.send_copy(Reply::accepted(request.id, status));
+            service.serve(&ports, boot_id, &mut executed.lock().unwrap());
+            if executed.lock().unwrap().shows_ticks {
+                service.show(&ports, began);
             }
             while let Ok(Some(_)) = ports.learner_beat.receive() {
                 executed.lock().unwrap().learner_heard = Some(Instant::now());
@@ -307,6 +375,8 @@ fn execute(ports: &ControllerPorts, policy: &PolicyMsg, boot_id: u64, executed: 
     }
     let header = header_of(policy, boot_id);
     *executed.rollouts.entry(policy.rollout).or_default() += 1;
+    let _ = ports.in_loop.send_copy(*policy);
+    let _ = ports.outcomes.send_copy(header);
     executed.spool.insert(key, header);
     send(ports, &header);
 }
