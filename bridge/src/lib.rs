@@ -25,6 +25,7 @@ pub mod join;
 pub mod keys;
 #[cfg(feature = "network")]
 pub mod net;
+pub mod ros2;
 #[cfg(feature = "network")]
 mod said;
 #[cfg(feature = "network")]
