@@ -27,6 +27,7 @@ fn tested_elsewhere(arguments: &[&str]) -> Option<&'static str> {
         ["plant", ..] | ["controller", .., "external", "--pace", _] => Some("tests/plant.rs"),
         ["soak", ..] => Some("tests/soak.rs"),
         // They need the feature `bridge`.
+        ["bridge", "ros2", ..] => Some("tests/ros2_live.rs"),
         ["bridge", ..] => Some("bridge/tests"),
         // Ratings count in sessions that were started so.
         ["judge", _, "--rate" | "--better" | "--worse" | "--withdraw", ..] => {

@@ -18,7 +18,7 @@ const NO_CONTROLLER: i32 = 3;
 /// controller, the cell `none` has not.
 type Row = (&'static str, &'static [(i32, &'static str)]);
 
-const ROWS: [Row; 61] = [
+const ROWS: [Row; 62] = [
     ("learn", &[(DONE, "pancake --rollouts 2 --out l"), (ERROR, "pancake --config absent.toml")]),
     ("controller", &[(ERROR, "--cell c1"), (ERROR, "--cell UP"), (ERROR, "--config absent.toml")]),
     ("learner", &[(DONE, "--cell c1 --session s"), (ERROR, "--session l2 --config absent.toml")]),
@@ -171,6 +171,7 @@ const ROWS: [Row; 61] = [
     ("bridge serve", &[(ERROR, "--listen 0.0.0.0:7447 --allow kitchen")]),
     ("bridge join", &[(ERROR, "--connect nowhere --cell c9")]),
     ("bridge keys", &[(ERROR, "--out keys --learner oven --cells UP")]),
+    ("bridge ros2", &[(ERROR, "--listen 0.0.0.0:7447 --cell c1"), (ERROR, "--cell UP")]),
     (
         "config",
         &[

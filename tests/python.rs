@@ -9,20 +9,7 @@ use std::path::Path;
 use std::process::Command;
 
 use serde_json::Value;
-use util::{Bench, eventually, stderr};
-
-/// An interpreter with `package`, if there is one; several are set apart by commas.
-fn python_with(package: &str) -> Option<String> {
-    let named = std::env::var("SKILLET_PYTHON").ok();
-    let python = named.clone().unwrap_or_else(|| "python3".into());
-    let import = Command::new(&python).args(["-c", &format!("import {package}")]).output();
-    let has_package = import.is_ok_and(|output| output.status.success());
-    assert!(has_package || named.is_none(), "{python} lacks the package {package}");
-    if !has_package {
-        eprintln!("nothing shown: {python} has no package {package}");
-    }
-    has_package.then_some(python)
-}
+use util::{Bench, eventually, python_with, stderr};
 
 fn script(name: &str) -> std::path::PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(name)

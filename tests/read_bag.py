@@ -19,6 +19,7 @@ from mcap_protobuf.decoder import DecoderFactory as ProtobufFactory
 from mcap_ros2.decoder import DecoderFactory as Ros2Factory
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from ros_frames import by_child, place, xyz
 
 bag, recording, is_rounded = Path(sys.argv[1]), Path(sys.argv[2]), "--rounded" in sys.argv
 
@@ -82,37 +83,15 @@ with open(recording, "rb") as file:
         n_ticks += 1
 assert n_ticks == len(joints)
 
-
-def turn(q, v):
-    """`v` turned by the quaternion `q`, both as ROS messages or tuples of x, y, z(, w)."""
-    t = [2 * (q[1] * v[2] - q[2] * v[1]), 2 * (q[2] * v[0] - q[0] * v[2]), 2 * (q[0] * v[1] - q[1] * v[0])]
-    return [
-        v[0] + q[3] * t[0] + q[1] * t[2] - q[2] * t[1],
-        v[1] + q[3] * t[1] + q[2] * t[0] - q[0] * t[2],
-        v[2] + q[3] * t[2] + q[0] * t[1] - q[1] * t[0],
-    ]
-
-
-def xyz(v):
-    return [v.x, v.y, v.z]
-
-
 # The frames lead from the root to the tip, where the pose says it is.
-fixed = {t.child_frame_id: t for t in by_rosbags["/tf_static"][0][1].transforms}
+fixed = by_child(by_rosbags["/tf_static"][0][1])
 poses = dict(by_rosbags["/skillet/pose"])
 tip = by_rosbags["/skillet/wrench"][0][1].header.frame_id
 gap = 0.0
 for at_ns, message in by_rosbags["/tf"]:
-    frames = fixed | {t.child_frame_id: t for t in message.transforms}
     assert all(stamp_ns(t.header.stamp) == at_ns for t in message.transforms)
-    position, frame, chain = [0.0, 0.0, 0.0], tip, [tip]
-    while frame in frames:
-        moved = frames[frame].transform
-        rotation = [*xyz(moved.rotation), moved.rotation.w]
-        position = [a + b for a, b in zip(turn(rotation, position), xyz(moved.translation))]
-        frame = frames[frame].header.frame_id
-        chain.append(frame)
-    assert frame == poses[at_ns].header.frame_id
+    position, chain = place(tip, fixed | by_child(message))
+    assert chain[-1] == poses[at_ns].header.frame_id
     gap = max(gap, math.dist(position, xyz(poses[at_ns].pose.position)))
 
 # The whole bag in the other storage of rosbag2.

@@ -28,6 +28,7 @@ pub mod live;
 pub mod message;
 #[cfg(feature = "network")]
 pub mod net;
+pub mod ros2;
 #[cfg(feature = "network")]
 mod relay;
 #[cfg(feature = "network")]

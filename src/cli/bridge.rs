@@ -5,6 +5,8 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
+use super::CellArgs;
+
 #[derive(Args)]
 pub struct BridgeArgs {
     #[command(subcommand)]
@@ -19,6 +21,8 @@ pub enum BridgeVerb {
     Join(JoinArgs),
     /// Make certificates: for the learner's machine and for every cell
     Keys(KeysArgs),
+    /// Publish a cell live on a ROS 2 graph, over Zenoh as rmw_zenoh does
+    Ros2(Ros2Args),
 }
 
 #[derive(Args)]
@@ -100,4 +104,41 @@ pub struct KeysArgs {
     /// How long the certificates are valid
     #[arg(long, default_value_t = 730)]
     pub days: u32,
+}
+
+#[derive(Args)]
+#[command(after_help = "\
+Example:
+  ros2 run rmw_zenoh_cpp rmw_zenohd                      the router, started once
+  skillet bridge ros2 --cell kitchen
+  RMW_IMPLEMENTATION=rmw_zenoh_cpp ros2 topic echo /joint_states
+
+Best-effort, like `skillet watch`: readers never affect the loop, and nothing of the graph reaches the cell. Tested with
+independent readers, not with ROS itself.")]
+pub struct Ros2Args {
+    #[command(flatten)]
+    pub cell: CellArgs,
+    /// The Zenoh router of the graph, HOST:PORT
+    #[arg(
+        long,
+        value_name = "HOST:PORT",
+        default_value = "localhost:7447",
+        conflicts_with = "listen"
+    )]
+    pub connect: String,
+    /// Let readers of this machine connect here instead, on a loopback address
+    #[arg(long, value_name = "HOST:PORT")]
+    pub listen: Option<String>,
+    /// ROS domain [default: $ROS_DOMAIN_ID, or 0]
+    #[arg(long)]
+    pub domain: Option<u32>,
+    /// Namespace of node and topics, for several cells on one graph
+    #[arg(long, default_value = "")]
+    pub namespace: String,
+    /// Publish at most so many ticks per second
+    #[arg(long, value_name = "HZ", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=4000))]
+    pub rate: u32,
+    /// Stop after this many seconds
+    #[arg(long)]
+    pub duration_s: Option<f64>,
 }

@@ -20,29 +20,35 @@ pub fn run(args: &BridgeArgs) -> Result<Verdict> {
         BridgeVerb::Serve(args) => network::serve(args),
         BridgeVerb::Join(args) => network::join(args),
         BridgeVerb::Keys(args) => network::keys(args),
+        BridgeVerb::Ros2(args) => network::ros2(args),
     }
 }
 
 #[cfg(feature = "bridge")]
 mod network {
     use std::path::Path;
+    use std::sync::atomic::Ordering;
+    use std::time::Instant;
 
-    use anyhow::{Result, bail};
+    use anyhow::{Context, Result, bail};
     use bridge::command::Accepts;
     use bridge::event::Event;
     use bridge::hub::{self, HubConfig};
     use bridge::join::{self, JoinConfig};
     use bridge::keys::{self, KeysConfig};
     use bridge::net::Keys;
+    use bridge::ros2::layout::{self, NodeName};
+    use bridge::ros2::node::Graph;
     use rt_controller::rt::{leave_core, loop_core};
     use shm_types::cell::Cell;
     use shm_types::random_id;
     use shm_types::service_manager::{Notice, notify};
 
     use crate::Verdict;
-    use crate::cell::named_twice;
-    use crate::cli::bridge::{JoinArgs, KeysArgs, ServeArgs};
+    use crate::cell::{NamedCell, named_twice};
+    use crate::cli::bridge::{JoinArgs, KeysArgs, Ros2Args, ServeArgs};
     use crate::config::{Config, LogConfig};
+    use crate::ros2::live::{self, LiveConfig};
     use crate::signals::{Who, stop_flag};
     use crate::{log, output, reload, setup};
 
@@ -99,6 +105,52 @@ mod network {
             out.join("ca.key").display()
         ))?;
         Ok(Verdict::Done)
+    }
+
+    pub fn ros2(args: &Ros2Args) -> Result<Verdict> {
+        let named = NamedCell::of(&args.cell)?;
+        let (stop, since) = (start(named.config(), args.cell.config.as_deref())?, Instant::now());
+        let graph = match &args.listen {
+            Some(address) => Graph::Here(address.clone()),
+            None => Graph::Router(args.connect.clone()),
+        };
+        let live = LiveConfig {
+            cell: &named.cell,
+            config: named.config(),
+            graph,
+            node: node_name(args, named.cell.name())?,
+            rate_hz: args.rate,
+        };
+        // One that waits for its router or its controller is up.
+        notify(&[Notice::Ready]);
+        live::run(&live, &|| {
+            let elapsed = since.elapsed().as_secs_f64();
+            stop.load(Ordering::Relaxed) || args.duration_s.is_some_and(|limit| elapsed >= limit)
+        })?;
+        notify(&[Notice::Stopping]);
+        Ok(Verdict::Done)
+    }
+
+    /// Names of ROS have no hyphen.
+    fn node_name(args: &Ros2Args, cell: &str) -> Result<NodeName> {
+        let namespace = match args.namespace.trim_matches('/') {
+            "" => String::new(),
+            inner => format!("/{inner}"),
+        };
+        if !namespace.is_empty() && !layout::is_namespace(&namespace) {
+            let given = &args.namespace;
+            bail!(
+                "--namespace '{given}': use letters, digits and '_', as in kitchen or line_2/kitchen"
+            );
+        }
+        let domain = match (args.domain, std::env::var("ROS_DOMAIN_ID")) {
+            (Some(domain), _) => domain,
+            (None, Ok(text)) if !text.is_empty() => text.parse().with_context(|| {
+                format!("ROS_DOMAIN_ID is '{text}': set it to a number, or give --domain")
+            })?,
+            _ => 0,
+        };
+        Ok(NodeName { domain, namespace, name: format!("skillet_{}", cell.replace('-', "_")) })
     }
 
     /// As every service of a cell does. The loop keeps its core.

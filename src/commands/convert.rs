@@ -13,7 +13,7 @@ use crate::config::Config;
 use crate::fields;
 use crate::output::{print, print_json};
 use crate::record::messages::{Measures, Outcome, Policy, Trial};
-use crate::ros2::bag::Contents;
+use crate::ros2::bag::{Bag, Contents};
 use crate::ros2::conversion::Conversion;
 use crate::ros2::recording;
 use crate::ros2::robot::{Robot, Scope};
@@ -100,8 +100,8 @@ fn session(args: &ConvertArgs) -> Result<(Contents, bool)> {
     Ok((conversion.finish()?, replayed.is_same(trial)))
 }
 
-fn begin(config: &Config, out: &Path, force: bool) -> Result<Conversion> {
+fn begin(config: &Config, out: &Path, force: bool) -> Result<Conversion<Bag>> {
     let urdf = config.has_arm().then(|| setup::arm_text(config)).transpose()?;
     let robot = urdf.map(|urdf| Robot::new(config, urdf)).transpose()?;
-    Conversion::new(out, force, robot)
+    Conversion::to_bag(out, force, robot)
 }

@@ -5,7 +5,6 @@
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::BufWriter;
-use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
@@ -14,16 +13,10 @@ use mcap::{Compression, WriteOptions, Writer};
 
 use super::cdr::{Encoder, definition};
 use super::messages::TopicType;
-use super::metadata::{BagInfo, Durability, TopicInfo, qos_profiles};
+use super::metadata::{BagInfo, TopicInfo, qos_profiles};
+use super::outlet::{Durability, Outlet, Topic};
 
 const METADATA: &str = "metadata.yaml";
-
-/// A topic of a bag, which carries messages of type `M`.
-pub struct Topic<M> {
-    channel: u16,
-    index: usize,
-    message: PhantomData<M>,
-}
 
 /// What a finished bag holds.
 pub struct Contents {
@@ -41,6 +34,8 @@ pub struct Bag {
     file: String,
     writer: Writer<BufWriter<File>>,
     topics: Vec<TopicInfo>,
+    /// The channel of each topic.
+    channels: Vec<u16>,
     /// Times of the first and the last message.
     times: Option<(u64, u64)>,
     encoder: Encoder,
@@ -68,44 +63,9 @@ impl Bag {
             .compression_threads(0);
         let writer = options.create(target).with_context(cannot)?;
         let folder = folder.to_path_buf();
-        let (topics, times, encoder) = (Vec::new(), None, Encoder::default());
-        Ok(Bag { folder, draft, file, writer, topics, times, encoder })
-    }
-
-    pub fn topic<M: TopicType>(
-        &mut self,
-        name: &'static str,
-        durability: Durability,
-    ) -> Result<Topic<M>> {
-        let type_name = M::name().replace('/', "/msg/");
-        let definition = definition::<M>();
-        let schema = self.writer.add_schema(&type_name, "ros2msg", definition.as_bytes())?;
-        let metadata = BTreeMap::from([
-            ("offered_qos_profiles".to_string(), qos_profiles(durability, 0)),
-            ("topic_type_hash".to_string(), M::HASH.to_string()),
-        ]);
-        let channel = self.writer.add_channel(schema, name, "cdr", &metadata)?;
-        let topic = Topic { channel, index: self.topics.len(), message: PhantomData };
-        let type_hash = M::HASH;
-        self.topics.push(TopicInfo { name, type_name, type_hash, durability, n_messages: 0 });
-        Ok(topic)
-    }
-
-    pub fn write<M: TopicType>(&mut self, topic: &Topic<M>, message: &M, at_ns: u64) -> Result<()> {
-        let header = MessageHeader {
-            channel_id: topic.channel,
-            sequence: 0,
-            log_time: at_ns,
-            publish_time: at_ns,
-        };
-        let bytes = self.encoder.encode(message);
-        self.writer.write_to_known_channel(&header, bytes).with_context(|| {
-            format!("{}: cannot write the bag; check the free space", self.draft.display())
-        })?;
-        self.topics[topic.index].n_messages += 1;
-        let (first, last) = self.times.unwrap_or((at_ns, at_ns));
-        self.times = Some((first.min(at_ns), last.max(at_ns)));
-        Ok(())
+        let (topics, channels) = (Vec::new(), Vec::new());
+        let (times, encoder) = (None, Encoder::default());
+        Ok(Bag { folder, draft, file, writer, topics, channels, times, encoder })
     }
 
     /// Completes the bag and gives it its name.
@@ -124,6 +84,45 @@ impl Bag {
             .context(cannot)?;
         let messages = self.topics.iter().map(|topic| (topic.name, topic.n_messages)).collect();
         Ok(Contents { folder: self.folder.clone(), duration_ns, messages, bytes })
+    }
+}
+
+impl Outlet for Bag {
+    fn topic<M: TopicType>(
+        &mut self,
+        name: &'static str,
+        durability: Durability,
+    ) -> Result<Topic<M>> {
+        let type_name = M::type_name();
+        let definition = definition::<M>();
+        let schema = self.writer.add_schema(&type_name, "ros2msg", definition.as_bytes())?;
+        let metadata = BTreeMap::from([
+            ("offered_qos_profiles".to_string(), qos_profiles(durability, 0)),
+            ("topic_type_hash".to_string(), M::HASH.to_string()),
+        ]);
+        let channel = self.writer.add_channel(schema, name, "cdr", &metadata)?;
+        let topic = Topic::new(self.topics.len());
+        self.channels.push(channel);
+        let type_hash = M::HASH;
+        self.topics.push(TopicInfo { name, type_name, type_hash, durability, n_messages: 0 });
+        Ok(topic)
+    }
+
+    fn write<M: TopicType>(&mut self, topic: &Topic<M>, message: &M, at_ns: u64) -> Result<()> {
+        let header = MessageHeader {
+            channel_id: self.channels[topic.index],
+            sequence: 0,
+            log_time: at_ns,
+            publish_time: at_ns,
+        };
+        let bytes = self.encoder.encode(message);
+        self.writer.write_to_known_channel(&header, bytes).with_context(|| {
+            format!("{}: cannot write the bag; check the free space", self.draft.display())
+        })?;
+        self.topics[topic.index].n_messages += 1;
+        let (first, last) = self.times.unwrap_or((at_ns, at_ns));
+        self.times = Some((first.min(at_ns), last.max(at_ns)));
+        Ok(())
     }
 }
 

@@ -1,9 +1,9 @@
-//! From what Skillet records to the topics of a bag.
+//! From what Skillet records to the topics of a bag or a graph.
 //!
 //! | topic | type | how often |
 //! |---|---|---|
-//! | `/joint_states`, `/skillet/pose`, `/skillet/pose_desired`, `/skillet/wrench` | `JointState`, `PoseStamped`, `WrenchStamped` | every tick |
-//! | `/tf` | `TFMessage` | every tenth tick |
+//! | `/joint_states`, `/skillet/pose`, `/skillet/pose_desired`, `/skillet/wrench` | `JointState`, `PoseStamped`, `WrenchStamped` | every tick given |
+//! | `/tf` | `TFMessage` | every tenth tick of a bag; of a graph at most 100 times a second |
 //! | `/tf_static`, `/robot_description` | `TFMessage`, `String` | once |
 //! | `/skillet/policy` | `String`, a JSON object | policies, outcomes, trials and measures as they come |
 //! | `/rosout` | `Log` | warnings as they come |
@@ -14,18 +14,19 @@ use anyhow::Result;
 use serde_json::{Map, Value, json};
 use shm_types::episode::TickRecord;
 
-use super::bag::{Bag, Contents, Topic};
+use super::bag::{Bag, Contents};
 use super::messages::{JointState, Log, PoseStamped, Text, TfMessage, Time, WARN, WrenchStamped};
-use super::metadata::Durability::{TransientLocal, Volatile};
+use super::outlet::Durability::{TransientLocal, Volatile};
+use super::outlet::{Outlet, Topic};
 use super::robot::{Robot, Scope};
 use crate::record::messages::{Measures, Outcome, Policy, Trial};
 
-/// 100 Hz at 1 kHz, what tf2 interpolates between.
+/// In a bag: 100 Hz at 1 kHz, what tf2 interpolates between.
 const FRAMES_EVERY: u64 = 10;
 
-/// Writes a bag.
-pub struct Conversion {
-    bag: Bag,
+/// Turns what is told into messages for an outlet.
+pub struct Conversion<O> {
+    outlet: O,
     arm: Option<Arm>,
     policies: Topic<Text>,
     /// The log topic of a recording with warnings.
@@ -36,6 +37,8 @@ pub struct Conversion {
 struct Arm {
     robot: Robot,
     is_described: bool,
+    n_ticks: u64,
+    frames_every: u64,
     descriptions: Topic<Text>,
     fixed: Topic<TfMessage>,
     moving: Topic<TfMessage>,
@@ -44,13 +47,24 @@ struct Arm {
     wrenches: Topic<WrenchStamped>,
 }
 
-impl Conversion {
+impl Conversion<Bag> {
     /// Begins a bag that becomes `folder`, see [`Bag::create`].
-    pub fn new(folder: &Path, force: bool, robot: Option<Robot>) -> Result<Conversion> {
-        let mut bag = Bag::create(folder, force)?;
-        let arm = robot.map(|robot| Arm::new(robot, &mut bag)).transpose()?;
-        let policies = bag.topic("/skillet/policy", Volatile)?;
-        Ok(Conversion { bag, arm, policies, logs: None })
+    pub fn to_bag(folder: &Path, force: bool, robot: Option<Robot>) -> Result<Conversion<Bag>> {
+        Conversion::new(Bag::create(folder, force)?, robot, FRAMES_EVERY)
+    }
+
+    /// Completes the bag.
+    pub fn finish(self) -> Result<Contents> {
+        self.outlet.finish()
+    }
+}
+
+impl<O: Outlet> Conversion<O> {
+    /// Declares the topics. Every so many ticks the moving frames are told.
+    pub fn new(mut outlet: O, robot: Option<Robot>, frames_every: u64) -> Result<Conversion<O>> {
+        let arm = robot.map(|robot| Arm::new(robot, frames_every, &mut outlet)).transpose()?;
+        let policies = outlet.topic("/skillet/policy", Volatile)?;
+        Ok(Conversion { outlet, arm, policies, logs: None })
     }
 
     /// Joints of the arm; 0 of a task without one.
@@ -60,7 +74,7 @@ impl Conversion {
 
     pub fn tick(&mut self, record: &TickRecord, scope: Scope, at_ns: u64) -> Result<()> {
         match &mut self.arm {
-            Some(arm) => arm.tick(&mut self.bag, record, scope, at_ns),
+            Some(arm) => arm.tick(&mut self.outlet, record, scope, at_ns),
             None => Ok(()),
         }
     }
@@ -108,7 +122,7 @@ impl Conversion {
     }
 
     fn tell(&mut self, event: &Value, at_ns: u64) -> Result<()> {
-        self.bag.write(&self.policies, &Text { data: event.to_string() }, at_ns)
+        self.outlet.write(&self.policies, &Text { data: event.to_string() }, at_ns)
     }
 
     pub fn warn(&mut self, msg: String, at_ns: u64) -> Result<()> {
@@ -116,54 +130,58 @@ impl Conversion {
         let log = Log { stamp, level: WARN, name, msg, ..Log::default() };
         let topic = match self.logs.take() {
             Some(topic) => topic,
-            None => self.bag.topic("/rosout", Volatile)?,
+            None => self.outlet.topic("/rosout", Volatile)?,
         };
-        self.bag.write(self.logs.insert(topic), &log, at_ns)
-    }
-
-    /// Completes the bag.
-    pub fn finish(self) -> Result<Contents> {
-        self.bag.finish()
+        self.outlet.write(self.logs.insert(topic), &log, at_ns)
     }
 }
 
 impl Arm {
-    fn new(robot: Robot, bag: &mut Bag) -> Result<Arm> {
+    fn new(robot: Robot, frames_every: u64, outlet: &mut impl Outlet) -> Result<Arm> {
         Ok(Arm {
             robot,
             is_described: false,
-            descriptions: bag.topic("/robot_description", TransientLocal)?,
-            fixed: bag.topic("/tf_static", TransientLocal)?,
-            moving: bag.topic("/tf", Volatile)?,
-            joints: bag.topic("/joint_states", Volatile)?,
+            n_ticks: 0,
+            frames_every,
+            descriptions: outlet.topic("/robot_description", TransientLocal)?,
+            fixed: outlet.topic("/tf_static", TransientLocal)?,
+            moving: outlet.topic("/tf", Volatile)?,
+            joints: outlet.topic("/joint_states", Volatile)?,
             poses: [
-                bag.topic("/skillet/pose", Volatile)?,
-                bag.topic("/skillet/pose_desired", Volatile)?,
+                outlet.topic("/skillet/pose", Volatile)?,
+                outlet.topic("/skillet/pose_desired", Volatile)?,
             ],
-            wrenches: bag.topic("/skillet/wrench", Volatile)?,
+            wrenches: outlet.topic("/skillet/wrench", Volatile)?,
         })
     }
 
-    fn tick(&mut self, bag: &mut Bag, record: &TickRecord, scope: Scope, at_ns: u64) -> Result<()> {
+    fn tick(
+        &mut self,
+        outlet: &mut impl Outlet,
+        record: &TickRecord,
+        scope: Scope,
+        at_ns: u64,
+    ) -> Result<()> {
         let robot = &self.robot;
         if !self.is_described {
             let description = Text { data: robot.urdf().into() };
-            bag.write(&self.descriptions, &description, at_ns)?;
-            bag.write(&self.fixed, &robot.fixed_transforms(at_ns), at_ns)?;
+            outlet.write(&self.descriptions, &description, at_ns)?;
+            outlet.write(&self.fixed, &robot.fixed_transforms(at_ns), at_ns)?;
             self.is_described = true;
         }
-        bag.write(&self.joints, &robot.joint_state(record, at_ns), at_ns)?;
+        outlet.write(&self.joints, &robot.joint_state(record, at_ns), at_ns)?;
         let state = robot.state(record);
         for (topic, pose) in self.poses.iter().zip(robot.poses(record, &state, scope, at_ns)) {
-            bag.write(topic, &pose, at_ns)?;
+            outlet.write(topic, &pose, at_ns)?;
         }
         if let Some(wrench) = robot.wrench(record, &state, at_ns) {
-            bag.write(&self.wrenches, &wrench, at_ns)?;
+            outlet.write(&self.wrenches, &wrench, at_ns)?;
         }
-        if record.tick.is_multiple_of(FRAMES_EVERY) {
+        if self.n_ticks.is_multiple_of(self.frames_every) {
             let transforms = robot.moving_transforms(record, scope, at_ns);
-            bag.write(&self.moving, &transforms, at_ns)?;
+            outlet.write(&self.moving, &transforms, at_ns)?;
         }
+        self.n_ticks += 1;
         Ok(())
     }
 }

@@ -1,4 +1,4 @@
-//! The standard ROS messages of a bag.
+//! The standard ROS messages of bags and graphs.
 //!
 //! Names, fields and their order are those of the public interfaces in `common_interfaces`, `rcl_interfaces`
 //! (Apache-2.0) and `geometry2` (BSD-3-Clause), the same from Humble on. tests/read_bag.py compares them, by the
@@ -52,6 +52,11 @@ pub const WARN: u8 = 30;
 pub trait TopicType: Message {
     /// RIHS01, the hash of the type's description, with which ROS recognises the type.
     const HASH: &str;
+
+    /// As in `sensor_msgs/msg/JointState`.
+    fn type_name() -> String {
+        Self::name().replace('/', "/msg/")
+    }
 }
 
 macro_rules! hashes {

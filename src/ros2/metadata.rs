@@ -2,13 +2,7 @@
 
 use serde_json::json;
 
-/// How long the last messages of a topic stay available.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Durability {
-    Volatile,
-    /// The last message also reaches subscribers that come later.
-    TransientLocal,
-}
+use super::outlet::Durability;
 
 /// What a bag tells of a topic.
 pub struct TopicInfo {

@@ -12,7 +12,7 @@ use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use prost::Message;
 use shm_types::episode::TickRecord;
 
-use super::bag::Contents;
+use super::bag::{Bag, Contents};
 use super::conversion::Conversion;
 use super::robot::{Robot, Scope};
 use crate::config::Config;
@@ -63,7 +63,7 @@ struct Reading<'a> {
     urdf: Option<String>,
     /// Topics by the number of their channel.
     topics: Vec<(u16, String)>,
-    conversion: Option<Conversion>,
+    conversion: Option<Conversion<Bag>>,
 }
 
 impl Reading<'_> {
@@ -99,7 +99,7 @@ impl Reading<'_> {
     }
 
     /// Begins the bag, when everything that is attached has been read.
-    fn begin(&mut self) -> Result<Conversion> {
+    fn begin(&mut self) -> Result<Conversion<Bag>> {
         let text = self.config.take().context(
             "no session.toml is attached: give a recording of `skillet record`, `skillet learn --record` or \
              `skillet replay`",
@@ -114,12 +114,12 @@ impl Reading<'_> {
             bail!("no arm.urdf is attached: record again");
         }
         let robot = urdf.map(|urdf| Robot::new(&config, urdf)).transpose()?;
-        Conversion::new(self.folder, self.force, robot)
+        Conversion::to_bag(self.folder, self.force, robot)
     }
 }
 
 /// One message of the recording; what a bag has no place for is passed over.
-fn message(conversion: &mut Conversion, topic: &str, data: &[u8], at_ns: u64) -> Result<()> {
+fn message(conversion: &mut Conversion<Bag>, topic: &str, data: &[u8], at_ns: u64) -> Result<()> {
     match topic {
         "/tick" => {
             let (record, scope) = record_of(&Tick::decode(data)?, conversion.n_joints())?;

@@ -117,6 +117,19 @@ pub fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
+/// An interpreter with `package`, if there is one; several are set apart by commas.
+pub fn python_with(package: &str) -> Option<String> {
+    let named = std::env::var("SKILLET_PYTHON").ok();
+    let python = named.clone().unwrap_or_else(|| "python3".into());
+    let import = Command::new(&python).args(["-c", &format!("import {package}")]).output();
+    let has_package = import.is_ok_and(|output| output.status.success());
+    assert!(has_package || named.is_none(), "{python} lacks the package {package}");
+    if !has_package {
+        eprintln!("nothing shown: {python} has no package {package}");
+    }
+    has_package.then_some(python)
+}
+
 pub fn eventually<T>(what: &str, mut f: impl FnMut() -> Option<T>) -> T {
     let start = Instant::now();
     while start.elapsed() < WATCHDOG {
