@@ -10,7 +10,8 @@ use ratatui::crossterm::terminal::{
     BeginSynchronizedUpdate, Clear, ClearType, EndSynchronizedUpdate,
 };
 
-use super::keys::{Action, Keys, Prompt};
+use super::action::Action;
+use super::keys::{Keys, Prompt};
 use super::{Model, view};
 use crate::cell::NamedCell;
 use crate::people::Word;

@@ -1,7 +1,9 @@
 //! Drives the real executable, and reads what it wrote.
 #![allow(dead_code)] // each test file uses its own part
 
+pub mod browser;
 pub mod document;
+pub mod page;
 pub mod place;
 
 use std::os::unix::process::CommandExt;
