@@ -5,13 +5,13 @@ import uPlot from "./vendor/uplot.js";
 const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 const color = (name) => () => css(name);
 const LATE = 20;
-const LEGEND_PX = 28;
+const HEIGHT_PX = 186;
 const decimals = (digits) => (_, value) => (value == null ? "–" : value.toFixed(digits));
 
 function axis(more) {
   const font = "12px system-ui, sans-serif";
   const grid = { stroke: color("--line"), width: 1 };
-  return { stroke: color("--quiet"), font, labelFont: font, grid, ticks: { ...grid, size: 4 }, labelSize: 16, ...more };
+  return { stroke: color("--quiet"), font, labelFont: font, grid, ticks: { ...grid, size: 4 }, labelSize: 16, labelGap: 0, ...more };
 }
 
 function points(label, name) {
@@ -22,7 +22,7 @@ function points(label, name) {
 const line = (label, name, value) => ({ label, stroke: color(name), width: 1.5, points: { show: false }, value });
 
 function plot(parent, series, axes, scales) {
-  const size = () => ({ width: parent.clientWidth, height: Math.max(120, parent.clientHeight - LEGEND_PX) });
+  const size = () => ({ width: parent.clientWidth, height: HEIGHT_PX });
   const options = { ...size(), series, axes, scales, cursor: { drag: { x: false, y: false } }, legend: { live: true } };
   const made = new uPlot(options, series.map(() => []), parent);
   new ResizeObserver(() => made.setSize(size())).observe(parent);
@@ -42,13 +42,13 @@ export class Curves {
     this.#reward = plot(
       reward,
       [rollouts, points("trial", "--quiet"), points("success", "--green"), line("best", "--blue", decimals(3))],
-      [axis({ label: "rollout" }), axis({ size: 48 })],
+      [axis({ label: "rollout", size: 26 }), axis({ size: 48 })],
       { x },
     );
     this.#success = plot(
       success,
       [rollouts, line("success", "--green", (_, v) => (v == null ? "–" : `${v.toFixed(0)} %`))],
-      [axis({ label: "rollout" }), axis({ size: 48, values: (_, ticks) => ticks.map((tick) => `${tick} %`) })],
+      [axis({ label: "rollout", size: 26 }), axis({ size: 48, values: (_, ticks) => ticks.map((tick) => `${tick} %`) })],
       { x, y: { range: [0, 105] } },
     );
     const us = (_, v) => (v == null ? "–" : `${v.toFixed(0)} µs`);
@@ -61,7 +61,7 @@ export class Curves {
         line("max", "--red", us),
         line("tick p99", "--amber", us),
       ],
-      [axis({ label: "seconds, 0 is now" }), axis({ size: 56, values: (_, ticks) => ticks.map((t) => (t == null ? "" : `${t} µs`)) })],
+      [axis({ label: "seconds, 0 is now", size: 26 }), axis({ size: 56, values: (_, ticks) => ticks.map((t) => (t == null ? "" : `${t} µs`)) })],
       { x, y: { distr: 3 } },
     );
   }

@@ -59,10 +59,18 @@ function polyline({ points, color: [r, g, b] }) {
   return new Line(shape, new LineBasicMaterial({ color: new Color(r, g, b) }));
 }
 
+/** A joint, as a darker ball around the beginning of its link. */
+function joint({ size: [width], color: [r, g, b] }) {
+  const made = new Mesh(ball, material([0.55 * r, 0.55 * g, 0.55 * b, 1]));
+  made.scale.setScalar(1.35 * width);
+  return made;
+}
+
 function parts(entity) {
   const isLink = entity.id.startsWith("link ");
   return [
     ...entity.cylinders.map((it) => cylinder(it, isLink)),
+    ...(isLink ? entity.cylinders.map(joint) : []),
     ...entity.spheres.map(sphere),
     ...entity.lines.map(polyline),
   ];
@@ -133,7 +141,7 @@ export class ArmScene {
     const { center, radius } = box.getBoundingSphere(new Sphere());
     const half = Math.min(1, this.#camera.aspect) * Math.tan((this.#camera.fov * Math.PI) / 360);
     this.#controls.target.copy(center);
-    this.#camera.position.copy(center).addScaledVector(new Vector3(0.35, -0.85, 0.4).normalize(), (1.1 * radius) / half);
+    this.#camera.position.copy(center).addScaledVector(new Vector3(0.35, -0.85, 0.4).normalize(), (0.92 * radius) / half);
     this.#controls.update();
     this.#draw();
   }

@@ -84,5 +84,5 @@ fn color(it: &Option<Color>) -> [f64; 4] {
 
 /// Four decimals: less than a pixel.
 fn short(value: f64) -> f64 {
-    (value * 1e4).round() * 1e-4
+    (value * 1e4).round() / 1e4
 }

@@ -19,7 +19,7 @@ use crate::watch::words::{pace, phase};
 pub fn state(model: &Model, lost: u64, catalogue: &Value) -> Value {
     let (vitals, session) = (&model.vitals, &model.session);
     let (health, findings) = vitals.health().unzip();
-    let seconds = |age: Option<Duration>| age.map(|age| (age.as_secs_f64() * 10.0).round() * 0.1);
+    let seconds = |age: Option<Duration>| age.map(|age| (age.as_secs_f64() * 10.0).round() / 10.0);
     json!({
         "kind": "state",
         "controller": vitals.controller().name(),
@@ -87,7 +87,7 @@ pub fn curves(session: &WatchedSession, timing: &Timing) -> Value {
         "rollouts": session.rollouts,
         "trials": {
             "rollout": column(&|trial| trial.rollout.into()),
-            "reward": column(&|trial| ((trial.reward * 1e4).round() * 1e-4).into()),
+            "reward": column(&|trial| ((trial.reward * 1e4).round() / 1e4).into()),
             "success": column(&|trial| u8::from(trial.success).into()),
             "is_mean": column(&|trial| u8::from(trial.is_mean).into()),
         },

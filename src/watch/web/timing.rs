@@ -43,8 +43,8 @@ impl Timing {
         if self.tick.is_empty() {
             return;
         }
-        let us = |ns: u64| (ns as f64 * 1e-2).round() * 0.1;
-        let at_s = (self.began.elapsed().as_secs_f64() * 10.0).round() * 0.1;
+        let us = |ns: u64| (ns as f64 * 1e-2).round() / 10.0;
+        let at_s = (self.began.elapsed().as_secs_f64() * 10.0).round() / 10.0;
         self.windows.push_back([
             at_s,
             us(self.wakeup.value_at_quantile(0.5)),
