@@ -160,8 +160,7 @@ fn the_panels_of_foxglove_are_those_that_are_laid_out() {
     values(&foxglove["layout"], "first", &mut placed);
     values(&foxglove["layout"], "second", &mut placed);
     placed.sort_unstable();
-    let mut panels: Vec<&String> =
-        foxglove["configById"].as_object().unwrap().keys().collect();
+    let mut panels: Vec<&String> = foxglove["configById"].as_object().unwrap().keys().collect();
     panels.sort_unstable();
     assert_eq!(placed, panels);
 }

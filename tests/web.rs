@@ -54,7 +54,10 @@ fn the_page_comes_whole_from_the_tool() {
     let mut waiting = vec![("".to_string(), html.text())];
     let mut seen = vec!["".to_string()];
     while let Some((from, text)) = waiting.pop() {
-        assert!(!text.contains("https://") && !text.contains("http://"), "/{from} is from elsewhere");
+        assert!(
+            !text.contains("https://") && !text.contains("http://"),
+            "/{from} is from elsewhere"
+        );
         let after = ["src=\"", "href=\"", "from \"./", "import(\"./"];
         let names = after.iter().flat_map(|mark| text.split(mark).skip(1));
         for name in names.map(|rest| rest.split('"').next().unwrap().to_string()) {

@@ -139,7 +139,8 @@ impl Browser {
 
     /// The size of a screenshot of the element, bytes: little where nothing is drawn.
     pub fn drawn_bytes(&self, selector: &str) -> usize {
-        let path = format!("/session/{}/element/{}/screenshot", self.session, self.element(selector));
+        let path =
+            format!("/session/{}/element/{}/screenshot", self.session, self.element(selector));
         self.request("GET", &path, None).as_str().unwrap().len() * 3 / 4
     }
 
