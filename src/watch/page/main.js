@@ -8,6 +8,7 @@ import { showGone, showState } from "./state.js";
 const byId = (id) => document.getElementById(id);
 const curves = new Curves(byId("reward"), byId("success"), byId("timing"));
 let scene = null;
+let isStarted = false;
 let isPaced = true;
 
 connectButtons();
@@ -35,7 +36,8 @@ const on = {
     document.title = `cell ${line.cell} – skillet`;
     byId("cell").textContent = line.cell;
     byId("version").textContent = `skillet ${line.version}`;
-    if (!scene) startScene(line.scene);
+    if (!isStarted) startScene(line.scene);
+    isStarted = true;
     showCommands(line.allows_commands);
   },
   pose(line) {

@@ -21,7 +21,8 @@ use crate::stderr::say;
 use crate::watch::action::Action;
 
 const MAX_CONNECTIONS: usize = 32;
-const MAX_STREAMS: usize = 8;
+/// A browser opens six connections to a server at most. Streams in all its tabs leave it two for commands.
+const MAX_STREAMS: usize = 4;
 /// Poses at most so often, per client.
 const FRAME: Duration = Duration::from_millis(33);
 /// A line at least so often, so that a closed connection is noticed.
@@ -65,24 +66,24 @@ pub struct Page {
     pub first: String,
     pub allows_commands: bool,
     token: String,
-    connections: AtomicUsize,
-    streams: AtomicUsize,
+    connections: Arc<AtomicUsize>,
+    streams: Arc<AtomicUsize>,
 }
 
 /// Counts one more until it is dropped.
-struct Place<'a>(&'a AtomicUsize);
+struct Place(Arc<AtomicUsize>);
 
-impl<'a> Place<'a> {
-    fn take(count: &'a AtomicUsize, most: usize) -> Option<Place<'a>> {
+impl Place {
+    fn take(count: &Arc<AtomicUsize>, most: usize) -> Option<Place> {
         if count.fetch_add(1, Ordering::Relaxed) >= most {
             count.fetch_sub(1, Ordering::Relaxed);
             return None;
         }
-        Some(Place(count))
+        Some(Place(count.clone()))
     }
 }
 
-impl Drop for Place<'_> {
+impl Drop for Place {
     fn drop(&mut self) {
         self.0.fetch_sub(1, Ordering::Relaxed);
     }
@@ -99,8 +100,8 @@ impl Page {
             first,
             allows_commands,
             token: random.map(|byte| format!("{byte:02x}")).concat(),
-            connections: AtomicUsize::new(0),
-            streams: AtomicUsize::new(0),
+            connections: Arc::default(),
+            streams: Arc::default(),
         })
     }
 
@@ -117,9 +118,12 @@ impl Page {
                     std::thread::sleep(ALIVE);
                     continue;
                 };
+                // One too many is closed: it comes again.
+                let Some(place) = Place::take(&page.connections, MAX_CONNECTIONS) else { continue };
                 let page = page.clone();
                 let answer = move || {
-                    // A client that has gone comes again.
+                    let _place = place;
+                    // So does a client that has gone.
                     let _ = page.answer(stream);
                 };
                 let _ = std::thread::Builder::new().name("skillet-page".into()).spawn(answer);
@@ -132,9 +136,6 @@ impl Page {
 
     fn answer(&self, mut stream: TcpStream) -> io::Result<()> {
         stream.set_write_timeout(Some(http::WRITE))?;
-        let Some(_place) = Place::take(&self.connections, MAX_CONNECTIONS) else {
-            return refuse(&mut stream, (503, "too many connections".into()));
-        };
         let answered = match read(&mut stream)? {
             Ok(request) => match self.route(&request, &mut stream) {
                 Ok(written) => written,
