@@ -51,6 +51,7 @@ export class Curves {
       [axis({ label: "rollout", size: 26 }), axis({ size: 48, values: (_, ticks) => ticks.map((tick) => `${tick} %`) })],
       { x, y: { range: [0, 105] } },
     );
+    const time = (t) => (t >= 1000 ? `${t / 1000} ms` : `${t} µs`);
     const us = (_, v) => (v == null ? "–" : `${v.toFixed(0)} µs`);
     this.#timing = plot(
       timing,
@@ -61,7 +62,7 @@ export class Curves {
         line("max", "--red", us),
         line("tick p99", "--amber", us),
       ],
-      [axis({ label: "seconds, 0 is now", size: 26 }), axis({ size: 56, values: (_, ticks) => ticks.map((t) => (t == null ? "" : `${t} µs`)) })],
+      [axis({ label: "seconds, 0 is now", size: 26 }), axis({ size: 56, values: (_, ticks) => ticks.map((t) => (t == null ? "" : time(t))) })],
       { x, y: { distr: 3 } },
     );
   }

@@ -138,6 +138,8 @@ export class ArmScene {
     this.#scene.updateMatrixWorld(true);
     const box = new Box3().expandByPoint(new Vector3());
     for (const frame of this.#frames) box.expandByObject(frame);
+    // What is thrown stays in the picture.
+    box.max.z += 0.25;
     const { center, radius } = box.getBoundingSphere(new Sphere());
     const half = Math.min(1, this.#camera.aspect) * Math.tan((this.#camera.fov * Math.PI) / 360);
     this.#controls.target.copy(center);
