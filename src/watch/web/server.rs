@@ -1,6 +1,6 @@
 //! Serves the page, its stream and its commands on loopback.
 //!
-//! Whoever has the link has a random token; the page sends it in a header, which no other site can. Every
+//! The link contains a random token; the page sends it in a header, which no other site can. Every
 //! connection has a thread, and their number is bounded. See docs/adr/0037-browser-view.md.
 
 use std::io::{self, Read, Write};
