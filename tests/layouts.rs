@@ -88,7 +88,7 @@ fn topics(bench: &Bench) -> BTreeMap<String, Topic> {
     bench.ok(&["learn", "pancake", "--rollouts", "12", "--record", "--out", "s"]);
     let _controller = bench.start(&["controller", "--cell", "c1", "--pace", "max"]);
     bench.ok(&["policy", "import", "s", "--cell", "c1"]);
-    bench.ok(&["policy", "pin", "--cell", "c1"]);
+    bench.ok(&["policy", "activate", "1", "--cell", "c1"]);
     bench.ok(&["record", "--cell", "c1", "--duration-s", "2"]);
     let mut topics = BTreeMap::new();
     for recording in ["s/recording.mcap", "c1.mcap"] {

@@ -23,8 +23,8 @@ impl Browser {
     /// `None`, and said aloud, where Chromium or its driver is missing: the test then shows nothing.
     pub fn start(bench: &Bench) -> Option<Browser> {
         let is_there = |program: &&str| {
-            let found = Command::new(program).arg("--version").stdout(Stdio::null()).status();
-            found.is_ok_and(|status| status.success())
+            let found = Command::new(program).arg("--version").output();
+            found.is_ok_and(|output| output.status.success())
         };
         if !["chromedriver", "chromium"].iter().all(|program| is_there(&program)) {
             eprintln!("SKIPPED, NOTHING SHOWN: no chromium with chromedriver here");

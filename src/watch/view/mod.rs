@@ -196,14 +196,21 @@ mod tests {
     }
 
     #[test]
-    fn the_key_of_the_curve_is_above_it() {
+    fn the_curve_has_its_rows_for_itself() {
         for size in SIZES {
             let rows = drawn(&held(), &Prompt::None, size);
-            let key = rows.iter().position(|row| row.contains("• success")).expect("a key");
-            let axis = rows.iter().position(|row| row.contains('┤') || row.contains("└")).unwrap();
-            let points = |row: &String| row.chars().any(|c| ('\u{2801}'..='\u{28ff}').contains(&c));
-            let first = rows.iter().position(points).expect("a point of the curve");
-            assert!(key < first && key < axis, "{size:?}:\n{}", rows.join("\n"));
+            let all = rows.join("\n");
+            let key = rows.iter().position(|row| row.contains("─ best")).expect("a key");
+            let plot: Vec<&String> =
+                rows[key + 1..].iter().take_while(|row| !row.contains('└')).collect();
+            let is_point = |c: char| ('\u{2801}'..='\u{28ff}').contains(&c);
+            assert!(plot.iter().any(|row| row.contains(is_point)), "{size:?}: no curve in\n{all}");
+            for row in plot {
+                let curve =
+                    row.rsplit_once('│').and_then(|(row, _)| row.rsplit_once('│')).unwrap().1;
+                let is_free = curve.chars().all(|c| c == ' ' || is_point(c));
+                assert!(is_free, "{size:?}: '{row}' in\n{all}");
+            }
         }
     }
 
