@@ -189,6 +189,12 @@ pub fn respond_without_end(stream: &mut TcpStream, media_type: &str) -> io::Resu
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rand::RngExt;
+    use rand_chacha::ChaCha8Rng;
+    use rand_chacha::rand_core::SeedableRng;
+
+    const WHOLE: &[u8] =
+        b"POST /command?x HTTP/1.1\r\nHost: localhost\r\nContent-Length: 2\r\n\r\n{}";
 
     #[test]
     fn only_loopback_names_are_answered() {
@@ -202,13 +208,12 @@ mod tests {
 
     #[test]
     fn a_request_is_read_in_pieces_and_ambiguous_ones_are_refused() {
-        let whole = b"POST /command?x HTTP/1.1\r\nHost: localhost\r\nContent-Length: 2\r\n\r\n{}";
-        assert!(parse(&whole[..30]).unwrap().is_none());
-        let (request, start, length) = parse(whole).unwrap().unwrap();
+        assert!(parse(&WHOLE[..30]).unwrap().is_none());
+        let (request, start, length) = parse(WHOLE).unwrap().unwrap();
         assert_eq!((request.method.as_str(), request.path.as_str()), ("POST", "/command"));
         assert_eq!(
             (request.header("host"), start, length),
-            (Some("localhost"), whole.len() - 2, 2)
+            (Some("localhost"), WHOLE.len() - 2, 2)
         );
         for bad in [
             "GET / HTTP/1.1\r\nHost: a\r\nHost: localhost\r\n\r\n",
@@ -219,5 +224,26 @@ mod tests {
         ] {
             assert!(parse(bad.as_bytes()).is_err(), "{bad}");
         }
+    }
+    #[test]
+    fn no_bytes_are_too_strange() {
+        let mut random = ChaCha8Rng::seed_from_u64(24);
+        let mut complete = 0;
+        for _ in 0..20_000 {
+            let mut bytes = WHOLE.to_vec();
+            for _ in 0..random.random_range(1..6) {
+                let at = random.random_range(0..bytes.len());
+                match random.random_range(0..3) {
+                    0 => bytes[at] = random.random(),
+                    1 => bytes.insert(at, random.random()),
+                    _ => drop(bytes.remove(at)),
+                }
+            }
+            if let Ok(Some((_, start, _))) = parse(&bytes) {
+                assert!(start <= bytes.len());
+                complete += 1;
+            }
+        }
+        assert!(complete > 1000, "only {complete} of them were requests");
     }
 }
