@@ -225,6 +225,7 @@ mod tests {
             assert!(parse(bad.as_bytes()).is_err(), "{bad}");
         }
     }
+
     #[test]
     fn no_bytes_are_too_strange() {
         let mut random = ChaCha8Rng::seed_from_u64(24);
