@@ -94,7 +94,7 @@ fn another_site_and_another_user_are_refused() {
     for (code, request) in [
         (403, with_body(&head.replace(&host, "Host: rebound.example"), hold)),
         (403, stream.replace(&host, "Host: rebound.example")),
-        (403, format!("GET / HTTP/1.1\r\n{}\r\n\r\n", "Host: rebound.example:80")),
+        (403, "GET / HTTP/1.1\r\nHost: rebound.example:80\r\n\r\n".into()),
         (403, with_body(&head.replace("Origin: http://", "Origin: http://evil."), hold)),
         (403, with_body(&without(&head, "Host"), hold)),
         (401, with_body(&without(&head, "X-Skillet-Token"), hold)),

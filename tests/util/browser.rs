@@ -22,11 +22,11 @@ pub struct Browser {
 impl Browser {
     /// `None`, and said aloud, where Chromium or its driver is missing: the test then shows nothing.
     pub fn start(bench: &Bench) -> Option<Browser> {
-        let is_there = |program: &&str| {
+        let is_there = |program: &str| {
             let found = Command::new(program).arg("--version").output();
             found.is_ok_and(|output| output.status.success())
         };
-        if !["chromedriver", "chromium"].iter().all(|program| is_there(&program)) {
+        if !["chromedriver", "chromium"].into_iter().all(is_there) {
             eprintln!("SKIPPED, NOTHING SHOWN: no chromium with chromedriver here");
             return None;
         }
