@@ -41,6 +41,7 @@ fn tested_elsewhere(arguments: &[&str]) -> Option<&'static str> {
         // It wants a terminal; the other one does not end.
         ["watch", "--cell", _] => Some("src/watch/terminal.rs"),
         ["watch", "--cell", _, "--serve"] => Some("tests/watch.rs"),
+        ["watch", "--cell", _, "--web", ..] => Some("tests/web.rs"),
         _ => None,
     }
 }

@@ -127,6 +127,9 @@ fn the_archive_installs_below_a_prefix() {
         ("share/doc/skillet/LICENSE-MIT", "MIT License"),
         ("share/doc/skillet/LICENSE-APACHE", "Apache License"),
         ("share/doc/skillet/LICENSE-THIRD-PARTY", "\niceoryx2 "),
+        ("share/doc/skillet/LICENSE-THIRD-PARTY", "three.js authors"),
+        ("share/skillet/layouts/foxglove.json", "3D!skillet"),
+        ("share/skillet/layouts/plotjuggler.xml", "/tick/pose_m_rad[0]"),
     ] {
         assert!(util::text(&prefix.join(file)).contains(words), "{file}: no {words}");
     }

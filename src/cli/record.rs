@@ -68,6 +68,7 @@ pub struct ReplayArgs {
 Examples:
   skillet watch --cell kitchen                loop, policies, rewards, with keys for commands
   skillet watch --cell kitchen --json         one JSON object per second, for scripts
+  skillet watch --cell kitchen --web          in a browser: open the link that is printed
   skillet watch --cell kitchen --serve        for Foxglove: open the connection ws://127.0.0.1:8765
 
 Viewers are best-effort: a slow or crashed one never affects the loop.")]
@@ -77,6 +78,18 @@ pub struct WatchArgs {
     /// Serve 3-D viewers over WebSocket, on a loopback address
     #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = "127.0.0.1:8765")]
     pub serve: Option<SocketAddr>,
+    /// Serve a page with the arm in 3-D, curves and a hold button, on a loopback address
+    #[arg(
+        long,
+        value_name = "ADDRESS",
+        num_args = 0..=1,
+        default_missing_value = "127.0.0.1:8766",
+        conflicts_with_all = ["serve", "json"]
+    )]
+    pub web: Option<SocketAddr>,
+    /// Let the page re-arm, activate, roll back and pin as well
+    #[arg(long, requires = "web")]
+    pub allow_commands: bool,
     /// Stop after this many seconds
     #[arg(long)]
     pub duration_s: Option<f64>,

@@ -1,4 +1,4 @@
-//! `skillet watch`: a running cell in the terminal, as JSON, or for 3-D viewers.
+//! `skillet watch`: a running cell in the terminal, in a browser, as JSON, or for 3-D viewers.
 
 use std::io::IsTerminal;
 use std::sync::atomic::Ordering;
@@ -10,7 +10,7 @@ use crate::cell::NamedCell;
 use crate::cli::record::WatchArgs;
 use crate::output::is_closed;
 use crate::signals::{Who, stop_flag};
-use crate::watch::{self, Model, lines, serve, terminal};
+use crate::watch::{self, Model, lines, serve, terminal, web};
 use crate::{Verdict, tty};
 
 pub fn run(args: &WatchArgs) -> Result<Verdict> {
@@ -26,6 +26,8 @@ pub fn run(args: &WatchArgs) -> Result<Verdict> {
     let model = || Model::new(&named.cell);
     if let Some(address) = args.serve {
         serve::run(&named, address, watcher, &is_over)?;
+    } else if let Some(address) = args.web {
+        web::run(&named, address, args.allow_commands, watcher, &is_over)?;
     } else if args.json {
         lines::run(model(), watcher, lines::json, &is_over)?;
     } else if tty::can_draw(&std::io::stdout()) {

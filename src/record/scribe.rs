@@ -105,13 +105,28 @@ impl Scribe {
         }
         if detail.springs {
             self.joints.log_with_time(&drawing.joint_states(&seen.record, at), at_ns);
-            let stiffness = match policy {
-                Some(policy) if seen.record.phase >= 2 => policy.at(&seen.record).1,
-                _ => Vec::new(),
-            };
-            let springs = drawing.springs(&seen.record, &stiffness, at);
-            self.springs.log_with_time(&springs, at_ns);
+            self.springs.log_with_time(&self.springs(drawing, seen, at), at_ns);
         }
+    }
+
+    fn springs(&self, drawing: &Drawing, seen: &TelemetryTick, at: Timestamp) -> SceneUpdate {
+        let policy = self.known.iter().find(|policy| policy.digest == seen.policy_digest);
+        let stiffness = match policy {
+            Some(policy) if seen.record.phase >= 2 => policy.at(&seen.record).1,
+            _ => Vec::new(),
+        };
+        drawing.springs(&seen.record, &stiffness, at)
+    }
+
+    /// Frames and springs of a tick, for a viewer with a format of its own; `None` without an arm.
+    pub fn drawn(&self, seen: &TelemetryTick) -> Option<(FrameTransforms, SceneUpdate)> {
+        let (drawing, at) = (self.drawing.as_ref()?, timestamp(self.now_ns));
+        Some((drawing.transforms(&seen.record, at), self.springs(drawing, seen, at)))
+    }
+
+    /// What such a viewer draws once.
+    pub fn drawn_once(&self) -> Option<SceneUpdate> {
+        self.drawing.as_ref().map(|drawing| drawing.bodies(timestamp(self.now_ns)))
     }
 
     /// Arm, pan and pancake: once is enough, but for viewers that come later.

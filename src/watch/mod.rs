@@ -1,5 +1,6 @@
-//! A running cell, watched: what is known of it, shown in a terminal, as JSON, or to 3-D viewers.
+//! A running cell, watched: what is known of it, shown in a terminal, in a browser, as JSON, or to 3-D viewers.
 
+mod action;
 mod keys;
 pub mod lines;
 pub mod serve;
@@ -7,6 +8,8 @@ pub mod session;
 pub mod terminal;
 mod view;
 pub mod vitals;
+pub mod web;
+mod words;
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
@@ -100,8 +103,18 @@ impl Model {
 
     /// Takes what there is, and notes who came and who went. Returns those notes.
     pub fn look(&mut self, watcher: &mut Watcher) -> Result<Vec<String>> {
+        self.look_and(watcher, &mut |_| {})
+    }
+
+    /// The same; `also` is shown everything.
+    pub fn look_and(
+        &mut self,
+        watcher: &mut Watcher,
+        also: &mut dyn FnMut(&Seen),
+    ) -> Result<Vec<String>> {
         while let Some(seen) = watcher.next()? {
             self.take(&seen);
+            also(&seen);
         }
         self.vitals.look();
         let changes = self.vitals.changes();

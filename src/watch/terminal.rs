@@ -10,7 +10,8 @@ use ratatui::crossterm::terminal::{
     BeginSynchronizedUpdate, Clear, ClearType, EndSynchronizedUpdate,
 };
 
-use super::keys::{Action, Keys, Prompt};
+use super::action::Action;
+use super::keys::{Keys, Prompt};
 use super::{Model, view};
 use crate::cell::NamedCell;
 use crate::people::Word;
@@ -52,6 +53,8 @@ pub fn run(
                 execute!(std::io::stdout(), EndSynchronizedUpdate)?;
             }
             let mut goes_on = true;
+            // Of a terminal that is gone crossterm would read nothing without end.
+            goes_on &= !crate::tty::is_gone();
             while goes_on && event::poll(Duration::ZERO)? {
                 if let Event::Key(key) = event::read()?
                     && key.kind == KeyEventKind::Press

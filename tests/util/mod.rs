@@ -1,8 +1,10 @@
 //! Drives the real executable, and reads what it wrote.
 #![allow(dead_code)] // each test file uses its own part
 
+pub mod browser;
 pub mod document;
 pub mod fields;
+pub mod page;
 pub mod place;
 
 use std::os::unix::process::CommandExt;
