@@ -35,7 +35,7 @@ use crate::session_folder::SessionFolder;
 use crate::signals::{Who, stop_flag};
 use crate::stderr::say;
 use crate::summary::Summary;
-use crate::{commands, external, health, judging, setup};
+use crate::{commands, external, health, judging, provenance, setup};
 
 const PRIVATE_CELL: &str = "learn-";
 const WATCH: Duration = Duration::from_millis(50);
@@ -150,6 +150,10 @@ fn prepare(args: &LearnArgs) -> Result<(SessionFolder, Config)> {
         note_other_judge(&store, &config).with_context(session)?;
     }
     folder.write(&config)?;
+    let run = provenance::Run::here(stored_trials(&folder.database()));
+    if let Err(error) = provenance::add(&folder.provenance(), run) {
+        say(&format!("warning: {error:#}"));
+    }
     Ok((folder, Config::load(Some(&stored))?))
 }
 

@@ -25,6 +25,7 @@ pub mod report;
 pub mod shell;
 pub mod soak;
 pub mod status;
+pub mod stored;
 pub mod study;
 pub mod task;
 pub mod trials;

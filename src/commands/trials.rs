@@ -8,7 +8,7 @@ use learner::store::TrialRecord;
 use serde_json::{Map, Value, json};
 use shm_types::measures::TRUTH;
 
-use super::report::open;
+use super::stored::open;
 use crate::Verdict;
 use crate::cli::trials::TrialsArgs;
 use crate::output::{print, print_json, write_new};
@@ -16,16 +16,7 @@ use crate::session_folder::SessionFolder;
 use crate::tasks;
 
 pub fn run(args: &TrialsArgs) -> Result<Verdict> {
-    let folder = SessionFolder::open(&args.session)?;
-    let store = open(folder.dir(), &folder.database())?;
-    let (measures, task) = (&store.meta().measures, tasks::find(&store.meta().task));
-    // One of another program's tasks has none that is known here.
-    let units = task.map_or(&[][..], |task| task.action_units);
-    let are_rated = store.meta().learner.people.takes_ratings();
-    let trials = store.trials()?;
-    let has_cells = trials.iter().any(|trial| !trial.cell.is_empty());
-    let columns = Columns { are_rated, has_cells, measures, units };
-    let rows: Vec<Row> = trials.iter().map(|trial| row(trial, &columns)).collect();
+    let rows = rows(&SessionFolder::open(&args.session)?)?;
     if args.json {
         print_json(&rows.into_iter().map(Map::from_iter).collect::<Vec<_>>())?;
     } else if args.csv == Path::new("-") {
@@ -34,6 +25,23 @@ pub fn run(args: &TrialsArgs) -> Result<Verdict> {
         write_new(&args.csv, &as_csv(&rows)?)?;
     }
     Ok(Verdict::Done)
+}
+
+/// All trials of a session as CSV.
+pub fn csv_of(folder: &SessionFolder) -> Result<String> {
+    as_csv(&rows(folder)?)
+}
+
+fn rows(folder: &SessionFolder) -> Result<Vec<Row>> {
+    let store = open(folder.dir(), &folder.database())?;
+    let (measures, task) = (&store.meta().measures, tasks::find(&store.meta().task));
+    // One of another program's tasks has none that is known here.
+    let units = task.map_or(&[][..], |task| task.action_units);
+    let are_rated = store.meta().learner.people.takes_ratings();
+    let trials = store.trials()?;
+    let has_cells = trials.iter().any(|trial| !trial.cell.is_empty());
+    let columns = Columns { are_rated, has_cells, measures, units };
+    Ok(trials.iter().map(|trial| row(trial, &columns)).collect())
 }
 
 type Row = Vec<(String, Value)>;
