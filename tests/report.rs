@@ -32,7 +32,10 @@ fn timing_adds_up_over_the_runs_of_a_session_and_damage_is_named() {
     {
         assert!(whole.contains(&format!("<section id=\"{stem}\"")), "{stem}");
     }
-    assert!(whole.contains("Not measured: rerun with"), "no wake-up at full speed");
+    assert!(
+        whole.contains("not measured; rerun with <code>--pace realtime</code>"),
+        "no wake-up at full speed"
+    );
     assert!(!whole.contains("http:") && !whole.contains("https:") && !whole.contains("<script"));
     assert!(whole.len() <= 1_000_000, "{} bytes", whole.len());
     let numbers = whole.split("<b>Figure ").skip(1).map(|rest| rest.split('.').next().unwrap());

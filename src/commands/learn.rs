@@ -44,6 +44,10 @@ const LOOK: Duration = Duration::from_secs(2);
 
 pub fn run(args: &LearnArgs) -> Result<Verdict> {
     let (folder, config) = prepare(args)?;
+    let here = provenance::Run::here(stored_trials(&folder.database()));
+    if let Err(error) = provenance::add(&folder.provenance(), here) {
+        say(&format!("warning: {error:#}"));
+    }
     let stop = stop_flag(Who::Tool)?;
     // A cell of its own: sessions on one machine do not meet. One that was killed left its own.
     Cell::remove_idle(&runtime_dir(), PRIVATE_CELL);
@@ -150,10 +154,6 @@ fn prepare(args: &LearnArgs) -> Result<(SessionFolder, Config)> {
         note_other_judge(&store, &config).with_context(session)?;
     }
     folder.write(&config)?;
-    let run = provenance::Run::here(stored_trials(&folder.database()));
-    if let Err(error) = provenance::add(&folder.provenance(), run) {
-        say(&format!("warning: {error:#}"));
-    }
     Ok((folder, Config::load(Some(&stored))?))
 }
 

@@ -108,13 +108,13 @@ svg .normal-tip{fill:var(--top)}
 const PAGE_RULES: &str = "\
 *{box-sizing:border-box}
 html{color-scheme:light dark;-webkit-text-size-adjust:100%}
-body{margin:0 auto;padding:40px 12px 64px;max-width:1384px;background:var(--paper);
+body{margin:0 auto;padding:28px 12px 64px;max-width:1384px;background:var(--paper);
 color:var(--ink);font:17px/1.55 Charter,'Bitstream Charter','Source Serif 4',Georgia,serif}
 h1{font-size:32px;line-height:1.2;margin:0 0 6px;font-weight:600}
 h2{font-size:21px;line-height:1.3;margin:52px 0 6px;font-weight:600}
 p{max-width:46em;margin:8px 0}
 .kicker,.terms,figcaption{color:var(--muted);font-size:15.5px}
-.verdict{font-size:20px;line-height:1.45;margin:18px 0 24px;padding-left:14px;
+.verdict{font-size:20px;line-height:1.45;margin:14px 0 18px;padding-left:14px;
 border-left:3px solid var(--learnt)}
 main+.terms{margin-top:52px}
 figure{margin:0}
@@ -126,22 +126,24 @@ svg svg{overflow:hidden}
 .row{display:grid;gap:16px 20px;margin-top:14px}
 .frames{grid-template-columns:repeat(auto-fill,minmax(104px,1fr));gap:14px 8px}
 .thirds{grid-template-columns:repeat(auto-fit,minmax(min(100%,300px),1fr))}
-@media (min-width:1000px){.frames{grid-template-columns:repeat(8,1fr)}}
+@media (min-width:1000px){.frames{grid-template-columns:repeat(8,1fr)}
+.thirds{grid-template-columns:repeat(3,minmax(0,1fr))}}
 .narrow{display:none}
 @media (max-width:860px){.narrow{display:block}.wide{display:none}}
 .half .drawing{min-width:0}
 @media (min-width:861px){.half figure{display:grid;
 grid-template-columns:minmax(0,500px) minmax(240px,1fr);gap:12px 40px;align-items:center}}
-@media (min-width:1240px){body{padding:40px 32px 64px}
+@media (min-width:1240px){body{padding:28px 32px 64px}
+main>section:nth-child(-n+2) h2{margin-top:22px}
 main{display:grid;grid-template-columns:repeat(2,minmax(0,1fr));gap:0 56px}
 section{grid-column:span 2}
 section.half{grid-column:span 1}.half figure{display:block}
 .half:not(.half+.half):not(:has(+.half)){grid-column:span 2}
 .half:not(.half+.half):not(:has(+.half)) figure{display:grid;
 grid-template-columns:minmax(0,598px) minmax(240px,1fr)}}
-.player{justify-items:center}
+.player{justify-items:center;position:relative}
 .player input{position:absolute;opacity:0;width:1px;height:1px}
-.player label{cursor:pointer;border:1px solid var(--axis);border-radius:6px;padding:2px 18px;
+.player label{cursor:pointer;position:absolute;top:8px;right:8px;z-index:1;background:var(--paper);border:1px solid var(--axis);border-radius:6px;padding:2px 18px;
 font-size:15.5px;user-select:none}
 .player label:hover{border-color:var(--learnt)}
 .player input:focus-visible+label{outline:2px solid var(--learnt);outline-offset:2px}
@@ -162,6 +164,8 @@ vertical-align:top;overflow-wrap:anywhere}
 th{color:var(--muted)}
 .tables table{max-width:660px}
 .tables td{text-align:right;padding-right:0}
+.tables .origin td{text-align:left}.tables .origin th{width:7em}
+code{font-size:.9em}
 details{margin-top:18px;border-top:1px solid var(--grid);padding-top:12px}
 summary{cursor:pointer;font-weight:600}
 .scroll{overflow-x:auto;margin-top:10px}

@@ -232,7 +232,7 @@ mod tests {
     fn says_so_where_there_are_no_modes_or_too_few_trials() {
         let mut data = sample::session(40);
         data.modes.clear();
-        assert!(figure(&data).html(1).contains("no modes yet"));
-        assert!(figure(&sample::session(2)).html(1).contains("too few trials"));
+        assert!(figure(&data).rows.is_err_and(|reason| reason.contains("no modes yet")));
+        assert!(figure(&sample::session(2)).rows.is_err_and(|reason| reason.contains("too few")));
     }
 }

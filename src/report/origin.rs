@@ -46,11 +46,11 @@ impl Origin {
     pub fn table(&self) -> String {
         let runs = match &self.runs {
             Ok(runs) => runs,
-            Err(error) => return table("Origin", &[("not known".into(), error.clone())]),
+            Err(error) => return as_text(&[("not known".into(), error.clone())]),
         };
         let Some(first) = runs.first() else {
             let text = "the session has no provenance.json: an earlier version wrote it.";
-            return table("Origin", &[("not known".into(), text.into())]);
+            return as_text(&[("not known".into(), text.into())]);
         };
         let mut rows = vec![
             ("program".to_owned(), program(first)),
@@ -65,8 +65,13 @@ impl Origin {
             let parts: Vec<&str> = parts.into_iter().filter(|part| !part.is_empty()).collect();
             rows.push((format!("resumed after rollout {}", run.after), parts.join("; ")));
         }
-        table("Origin", &rows)
+        as_text(&rows)
     }
+}
+
+/// A table of texts rather than numbers.
+fn as_text(rows: &[(String, String)]) -> String {
+    table("Origin", rows).replacen("<table>", "<table class=\"origin\">", 1)
 }
 
 fn program(run: &Run) -> String {

@@ -95,10 +95,19 @@ fn missing(figures: &[Figure]) -> String {
         return String::new();
     }
     let line = |(reason, titles): &(&str, Vec<&str>)| {
-        format!("<li>{}: {}</li>\n", titles.join(", "), escape(reason))
+        format!("<li>{}: {}</li>\n", titles.join(", "), with_code(&escape(reason)))
     };
     let lines: String = reasons.iter().map(line).collect();
     format!("<section class=\"missing\">\n<h2>Not shown</h2>\n<ul>\n{lines}</ul>\n</section>\n")
+}
+
+/// What stands between two backticks as code.
+fn with_code(text: &str) -> String {
+    let parts = text.split('`').enumerate().map(|(i, part)| match i % 2 {
+        1 => format!("<code>{part}</code>"),
+        _ => part.to_owned(),
+    });
+    parts.collect()
 }
 
 /// What is folded away: every rollout and the configuration.

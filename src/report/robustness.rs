@@ -42,7 +42,7 @@ pub fn figure(data: &ReportData) -> Figure {
             let attempts = || robustness.circumstances.iter().flat_map(|c| &c.attempts);
             let successes = attempts().filter(|attempt| attempt.success).count();
             format!(
-                "One rollout of {} in each of {} worlds that differ in one thing from that of the session, in the \
+                "One rollout of {}, in each of {} worlds that differ in one thing from that of the session, in the \
                  middle. Filled: {} ({successes} of {}). Below each point: what differs, and the \
                  reward.",
                 escape(&robustness.policy),

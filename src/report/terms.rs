@@ -3,15 +3,13 @@
 use super::reward::{WINDOW, running_mean};
 use super::{ReportData, TrialRow};
 use crate::draw::figure::{Figure, Row, THIRD};
-use crate::draw::plot::{Axis, Entry, Key, Plot};
+use crate::draw::plot::{Axis, Plot};
 use crate::draw::svg::Panel;
 
 /// Terms that have a panel; the others are in the numbers.
 const MOST: usize = 9;
 /// Longest name of a term, characters.
 const NAME: usize = 38;
-
-const LEGEND: [Entry; 1] = [(Key::Line, "mean", "mean of the last 10")];
 
 /// A summand of the reward, one value a trial.
 pub struct Term {
@@ -26,7 +24,7 @@ pub fn figure(data: &ReportData) -> Figure {
     let rows = match terms.is_empty() {
         true => Err("the reward of this session is not a sum of terms.".to_owned()),
         false => {
-            let panels = terms.iter().enumerate().map(|(i, term)| draw(data, term, range, i == 0));
+            let panels = terms.iter().map(|term| draw(data, term, range));
             let mut panels: Vec<Panel> = panels.collect();
             let mut rows = Vec::new();
             while !panels.is_empty() {
@@ -45,14 +43,14 @@ pub fn figure(data: &ReportData) -> Figure {
         title: "What the reward is made of",
         caption: format!(
             "The reward of a rollout is the sum of these terms, weighted as in the configuration; \
-             all panels have the same scale. Filled: {}.{more}",
+             all panels have the same scale. Line: mean of the last 10 rollouts. Filled: {}.{more}",
             if data.is_toss() { "caught flips" } else { "successes" }
         ),
         rows,
     }
 }
 
-fn draw(data: &ReportData, term: &Term, range: Axis<'_>, has_legend: bool) -> Panel {
+fn draw(data: &ReportData, term: &Term, range: Axis<'_>) -> Panel {
     let trials = &data.trials;
     let name = match term.name.char_indices().nth(NAME) {
         Some((end, _)) => format!("{}…", &term.name[..end]),
@@ -61,9 +59,7 @@ fn draw(data: &ReportData, term: &Term, range: Axis<'_>, has_legend: bool) -> Pa
     let x = Axis::rollouts(trials.iter().map(|trial| trial.rollout));
     let y = Axis { label: &name, ..range };
     let alt = format!("{} over {} rollouts", term.name, trials.len());
-    let legend = if has_legend { &LEGEND[..] } else { &[] };
-    let height = if has_legend { 229.0 } else { 210.0 };
-    let mut plot = Plot::new((THIRD, height), &alt, x, y, legend);
+    let mut plot = Plot::new((THIRD, 210.0), &alt, x, y, &[]);
     let points = || trials.iter().zip(term.values.iter().copied());
     // Successes last, so that they lie on top.
     for success in [false, true] {

@@ -56,7 +56,8 @@ impl Appearance {
                     // A link is not thicker than the one that carries it.
                     thickest = radius.unwrap_or(thickest);
                 }
-                let radius = match (is_root, radius) {
+                // What is fixed to the world carries the arm.
+                let radius = match (body.is_none(), radius) {
                     (true, None) => THICKEST,
                     (_, radius) => radius.unwrap_or(ROD),
                 };
