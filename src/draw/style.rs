@@ -141,7 +141,7 @@ section.half{grid-column:span 1}.half figure{display:block}
 .half:not(.half+.half):not(:has(+.half)){grid-column:span 2}
 .half:not(.half+.half):not(:has(+.half)) figure{display:grid;
 grid-template-columns:minmax(0,598px) minmax(240px,1fr)}}
-.player{justify-items:center;position:relative}
+.player{justify-items:center;position:relative}.player .row{justify-self:stretch;margin-top:0}
 .player input{position:absolute;opacity:0;width:1px;height:1px}
 .player label{cursor:pointer;position:absolute;top:8px;right:8px;z-index:1;background:var(--paper);border:1px solid var(--axis);border-radius:6px;padding:2px 18px;
 font-size:15.5px;user-select:none}
