@@ -145,6 +145,7 @@ grid-template-columns:minmax(0,598px) minmax(240px,1fr)}}
 .player input{position:absolute;opacity:0;width:1px;height:1px}
 .player label{cursor:pointer;position:absolute;top:8px;right:8px;z-index:1;background:var(--paper);border:1px solid var(--axis);border-radius:6px;padding:2px 18px;
 font-size:15.5px;user-select:none}
+.half .player label{right:max(10px,calc(50% - 288px))}
 .player label:hover{border-color:var(--learnt)}
 .player input:focus-visible+label{outline:2px solid var(--learnt);outline-offset:2px}
 .player .start{display:none}
