@@ -42,7 +42,7 @@ impl Appearance {
         let leads_on = |name: &str| path.iter().any(|joint| joint.child == name) && name != tip;
         let mut thickest = THICKEST;
         for placement in placements {
-            let Placement { link, body, X_BL } = placement;
+            let Placement { link, body, X_BL } = *placement;
             let is_root = link.name == tree.root.name;
             let below_tip = tree.path(&link.name).iter().any(|joint| joint.child == tip);
             if below_tip {
@@ -61,11 +61,11 @@ impl Appearance {
                     (true, None) => THICKEST,
                     (_, radius) => radius.unwrap_or(ROD),
                 };
-                let next = tree.joints_of(*link).map(|joint| joint.X_PJ.translation.vector);
+                let next = tree.joints_of(link).map(|joint| joint.X_PJ.translation.vector);
                 bars = between(next.collect(), link.inertial.as_ref(), radius);
             }
             appearance.capsules.extend(bars.into_iter().map(|(ends, radius)| Capsule {
-                body: *body,
+                body,
                 ends: ends.map(|end| X_BL.translation.vector + X_BL.rotation * end),
                 radius,
             }));
