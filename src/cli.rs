@@ -313,10 +313,17 @@ pub struct StatusArgs {
 }
 
 #[derive(Args)]
-#[command(after_help = "Example: skillet report sessions/pancake-1")]
+#[command(after_help = "\
+Examples:
+  skillet report sessions/pancake-1
+  skillet report sessions/pancake-1 sessions/pancake-2 --out comparison")]
 pub struct ReportArgs {
-    /// Session folder
-    pub session: PathBuf,
+    /// Session folders; several are compared in one page
+    #[arg(required = true, value_name = "SESSION")]
+    pub sessions: Vec<PathBuf>,
+    /// Folder for the page. Default: `report` in the session's folder; `report` here for several sessions
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
     /// Print the written paths as JSON
     #[arg(long)]
     pub json: bool,

@@ -189,6 +189,10 @@ impl Verdict for Written {
             self.reward.number(&values).map_err(|error| named("reward", &error))?,
         ))
     }
+
+    fn terms(&self, measures: &Measures) -> Vec<(String, f64)> {
+        self.values(measures).map_or(Vec::new(), |values| self.reward.summands(&values))
+    }
 }
 
 #[cfg(test)]

@@ -31,6 +31,7 @@ mod people;
 mod plant_check;
 mod policy_file;
 mod progress;
+mod provenance;
 mod record;
 mod reload;
 mod report;

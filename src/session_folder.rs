@@ -14,6 +14,7 @@ const DATABASE: &str = "session.db";
 const DEMONSTRATION: &str = "demonstration.csv";
 const ARM: &str = "arm.urdf";
 const TIMING: &str = "timing.json";
+const PROVENANCE: &str = "provenance.json";
 const RECORDS: &str = "rollout.npy";
 const LOCK: &str = "session.lock";
 /// A check whether the session is in use holds its lock for an instant, so a learner retries.
@@ -94,6 +95,11 @@ impl SessionFolder {
             0 => self.dir.join(TIMING),
             _ => self.dir.join(format!("timing-{}.json", k + 1)),
         }
+    }
+
+    /// With what, where, when and by which command it was learnt.
+    pub fn provenance(&self) -> PathBuf {
+        self.dir.join(PROVENANCE)
     }
 
     /// The records of the rollout that a judge's program was asked about last.

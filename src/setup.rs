@@ -175,6 +175,11 @@ pub fn demonstrations(config: &Config) -> Result<Vec<Demonstration>> {
     Ok(all)
 }
 
+/// The demonstrations as far as they can be read: for pictures.
+pub fn demonstrations_of(config: &Config) -> Vec<Demonstration> {
+    if config.has_arm() { demonstrations(config).unwrap_or_default() } else { Vec::new() }
+}
+
 /// The one that the task brings along.
 pub fn built_in_demonstration(config: &Config) -> Result<Demonstration> {
     let text = config.task()?.arm()?.demonstration;

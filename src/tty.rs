@@ -3,6 +3,7 @@
 use std::io::IsTerminal;
 
 use clap::ColorChoice;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 /// It understands escape sequences: a terminal, and none that calls itself dumb or nothing at all.
 pub fn can_draw(output: &impl IsTerminal) -> bool {
@@ -23,4 +24,13 @@ pub fn has_color(output: &impl IsTerminal) -> bool {
 /// them too where `CI` or `CLICOLOR` is set.
 pub fn help_color() -> ColorChoice {
     if is_known() { ColorChoice::Auto } else { ColorChoice::Never }
+}
+
+/// The terminal behind standard input is gone: its window was closed, its connection cut.
+pub fn is_gone() -> bool {
+    let input = std::io::stdin();
+    let mut input = [PollFd::new(&input, PollFlags::empty())];
+    let at_once = Timespec { tv_sec: 0, tv_nsec: 0 };
+    poll(&mut input, Some(&at_once)).is_ok()
+        && input[0].revents().intersects(PollFlags::HUP | PollFlags::ERR | PollFlags::NVAL)
 }

@@ -97,6 +97,20 @@ impl Expression {
         Ok(self.value(values)? != 0.0)
     }
 
+    /// What an expression of kind `Number` is the sum of: text and value of each summand, in order, a subtracted one
+    /// with a minus before it. Nothing where one has no value.
+    pub fn summands(&self, values: &[f64]) -> Vec<(String, f64)> {
+        let mut summands = Vec::new();
+        self.root.summands(1.0, &mut summands);
+        let valued = summands.into_iter().map(|(sign, node)| {
+            let text =
+                self.text[node.span.clone()].split_whitespace().collect::<Vec<_>>().join(" ");
+            let text = if sign < 0.0 { format!("−{text}") } else { text };
+            node.value(values).ok().map(|value| (text, sign * value))
+        });
+        valued.collect::<Option<_>>().unwrap_or_default()
+    }
+
     pub fn n_measures(&self) -> usize {
         self.measures.len()
     }

@@ -71,6 +71,11 @@ pub enum AssessError {
 pub trait Verdict: Send {
     /// Success, and a reward that is finite.
     fn judge(&self, measures: &Measures) -> Result<(bool, f64), VerdictError>;
+
+    /// What the reward is the sum of, by name; nothing where it is no sum, or there is no verdict.
+    fn terms(&self, _: &Measures) -> Vec<(String, f64)> {
+        Vec::new()
+    }
 }
 
 /// Why there is no verdict.
@@ -101,6 +106,16 @@ impl<V: Verdict> Verdict for Paid<V> {
         let (success, reward) = self.verdict.judge(measures)?;
         let compliance = measures.get(compliance::MEASURE).filter(|_| success).unwrap_or(0.0);
         Ok((success, reward + self.weight * compliance))
+    }
+
+    fn terms(&self, measures: &Measures) -> Vec<(String, f64)> {
+        let mut terms = self.verdict.terms(measures);
+        let compliance = measures.get(compliance::MEASURE);
+        let is_success = self.verdict.judge(measures).is_ok_and(|(success, _)| success);
+        if let Some(compliance) = compliance.filter(|_| is_success && self.weight > 0.0) {
+            terms.push((compliance::MEASURE.into(), self.weight * compliance));
+        }
+        terms
     }
 }
 
@@ -210,6 +225,11 @@ impl Judge {
             }
         }
         self.decide(measures)
+    }
+
+    /// What the reward of a trial with these measures is the sum of, by name; nothing where it is no sum.
+    pub fn terms(&self, measures: &Measures) -> Vec<(String, f64)> {
+        self.verdict.terms(measures)
     }
 
     /// What is measured here.

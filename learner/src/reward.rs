@@ -157,17 +157,22 @@ impl RewardConfig {
     /// The reward of a rollout: finite, whatever was measured. That of `value` is as negative as
     /// what the world measures; the others are sums of terms that are not.
     pub fn reward(&self, measures: &Measures) -> f64 {
+        let terms = self.terms(measures).into_iter();
+        terms.fold(0.0, |sum, (_, term)| sum + term).clamp(f64::MIN, f64::MAX)
+    }
+
+    /// What the reward of a rollout is the sum of; nothing of an exploit.
+    pub fn terms(&self, measures: &Measures) -> Vec<(&'static str, f64)> {
         if is_exploit(measures) {
-            return 0.0;
+            return Vec::new();
         }
         let first = measures.iter().next().map_or(0.0, |measure| measure.value);
-        let reward = match self.kind {
+        match self.kind {
             RewardKind::Paper => self.paper(measures),
-            RewardKind::Value => first,
-            RewardKind::Distance => (-self.lambda * first.max(0.0)).exp(),
-            RewardKind::Catch => self.catch.reward(measures),
-        };
-        reward.clamp(f64::MIN, f64::MAX)
+            RewardKind::Value => vec![("value", first)],
+            RewardKind::Distance => vec![("distance", (-self.lambda * first.max(0.0)).exp())],
+            RewardKind::Catch => self.catch.terms(measures),
+        }
     }
 
     /// Sec. 3.1, reward: r = w₁ arccos(V₀·V)/π + w₂ exp(−‖X − x‖) + w₃ X₃ᵐᵃˣ at the moment the
@@ -175,14 +180,15 @@ impl RewardConfig {
     ///
     /// Departure: a pancake that never falls through Δ_h gets the height term only; the paper
     /// does not define this case, in which there is no angle and no distance to judge.
-    fn paper(&self, measures: &Measures) -> f64 {
+    fn paper(&self, measures: &Measures) -> Vec<(&'static str, f64)> {
         let of = |name| value(measures, name);
-        let height = self.w3 * of("apex_m").max(0.0);
+        let height = ("height", self.w3 * of("apex_m").max(0.0));
         if of("crossing_time_s") <= 0.0 {
-            return height;
+            return vec![height];
         }
         let flip = of("flip_angle_rad").clamp(0.0, PI) / PI;
-        self.w1 * flip + self.w2 * (-of("distance_m").max(0.0)).exp() + height
+        let closeness = self.w2 * (-of("distance_m").max(0.0)).exp();
+        vec![("flip angle", self.w1 * flip), ("closeness", closeness), height]
     }
 }
 
@@ -195,20 +201,21 @@ impl CatchConfig {
     /// the distance is the lateral one and steep, the height is capped, and a catch pays by itself,
     /// most without bounces and without saturated motors: those two tell which catches survive
     /// another pancake.
-    fn reward(&self, measures: &Measures) -> f64 {
+    fn terms(&self, measures: &Measures) -> Vec<(&'static str, f64)> {
         let of = |name| value(measures, name);
         let near = |lateral_m: f64| (-lateral_m.max(0.0) / self.lateral_m).exp();
-        let mut reward = self.height * of("apex_m").clamp(0.0, self.height_max_m);
+        let mut terms = vec![("height", self.height * of("apex_m").clamp(0.0, self.height_max_m))];
         if of("crossing_time_s") > 0.0 {
-            reward += self.angle * of("flip_angle_rad").clamp(0.0, PI) / PI;
-            reward += self.aim * near(of("lateral_m"));
+            terms.push(("flip angle", self.angle * of("flip_angle_rad").clamp(0.0, PI) / PI));
+            terms.push(("aim", self.aim * near(of("lateral_m"))));
         }
         if measures.has("caught") {
-            reward += self.catch * near(of("final_lateral_m"));
-            reward += self.calm * (-of("bounce_s").max(0.0) / self.bounce_s).exp();
-            reward += self.ease * (-of("clipped_share").max(0.0) / self.clipped_share).exp();
+            let falls = |name, scale: f64| (-of(name).max(0.0) / scale).exp();
+            terms.push(("catch", self.catch * near(of("final_lateral_m"))));
+            terms.push(("calm", self.calm * falls("bounce_s", self.bounce_s)));
+            terms.push(("ease", self.ease * falls("clipped_share", self.clipped_share)));
         }
-        reward
+        terms
     }
 }
 
@@ -227,6 +234,11 @@ fn value(measures: &Measures, name: &str) -> f64 {
 impl Verdict for RewardConfig {
     fn judge(&self, measures: &Measures) -> Result<(bool, f64), VerdictError> {
         Ok((measures.has("caught"), self.reward(measures)))
+    }
+
+    fn terms(&self, measures: &Measures) -> Vec<(String, f64)> {
+        let terms = RewardConfig::terms(self, measures).into_iter();
+        terms.map(|(name, value)| (name.to_owned(), value)).collect()
     }
 }
 
@@ -297,6 +309,18 @@ mod tests {
         let lost = 0.5 * (1.0 - (-2.0_f64).exp()) + 0.5 * (1.0 - (-1.0_f64).exp());
         assert!((calm - rough - lost).abs() < 1e-14);
         assert_eq!(catch(&[&caught[..], &[("exploit", 1.0)]].concat()), 0.0);
+    }
+
+    #[test]
+    fn terms_are_what_the_reward_is_made_of() {
+        let caught = [("lateral_m", 0.05), ("caught", 1.0), ("final_lateral_m", 0.02)];
+        let terms = RewardConfig::default().terms(&with(&FLIP, &caught));
+        let names: Vec<&str> = terms.iter().map(|term| term.0).collect();
+        assert_eq!(names, ["height", "flip angle", "aim", "catch", "calm", "ease"]);
+        assert_eq!(terms[3].1, (-0.2_f64).exp());
+        let paper = PAPER.terms(&with(&FLIP, &[("crossing_time_s", 0.0)]));
+        assert_eq!(paper, [("height", 0.5 * 0.71)]);
+        assert!(PAPER.terms(&with(&FLIP, &[("exploit", 1.0)])).is_empty());
     }
 
     #[test]

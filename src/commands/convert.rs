@@ -6,7 +6,7 @@ use anyhow::{Result, bail};
 use serde_json::json;
 
 use super::replay::{Again, chosen};
-use super::report::open;
+use super::stored::open;
 use crate::Verdict;
 use crate::cli::convert::ConvertArgs;
 use crate::config::Config;

@@ -7,7 +7,7 @@ use learner::judge::{Verdict as Judging, list};
 use learner::store::TrialRecord;
 use serde_json::json;
 
-use super::report::open;
+use super::stored::open;
 use crate::Verdict;
 use crate::cli::judge::JudgeArgs;
 use crate::config::judge::REWARD;

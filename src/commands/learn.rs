@@ -36,7 +36,7 @@ use crate::session_folder::SessionFolder;
 use crate::signals::{Who, stop_flag};
 use crate::stderr::say;
 use crate::summary::Summary;
-use crate::{commands, external, health, judging, setup};
+use crate::{commands, external, health, judging, provenance, setup};
 
 const WATCH: Duration = Duration::from_millis(50);
 /// Between two looks at an arm from which no trial comes.
@@ -44,6 +44,10 @@ const LOOK: Duration = Duration::from_secs(2);
 
 pub fn run(args: &LearnArgs) -> Result<Verdict> {
     let (folder, config) = prepare(args)?;
+    let here = provenance::Run::here(stored_trials(&folder.database()));
+    if let Err(error) = provenance::add(&folder.provenance(), here) {
+        say(&format!("warning: {error:#}"));
+    }
     let stop = stop_flag(Who::Tool)?;
     // A cell of its own: sessions on one machine do not meet. One that was killed left its own.
     Cell::remove_idle(&runtime_dir(), PRIVATE);

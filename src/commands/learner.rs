@@ -29,7 +29,7 @@ use crate::resume::{open_or_create, resume};
 use crate::session_folder::SessionFolder;
 use crate::signals::{Who, stop_flag};
 use crate::stderr::{self, Sink};
-use crate::{background, judging, log, record, reload, setup};
+use crate::{background, judging, log, provenance, record, reload, setup};
 
 /// A further recording begins when one has grown so large.
 const RECORDING_BYTES: u64 = 512_000_000;
@@ -51,12 +51,17 @@ pub fn run(args: &LearnerArgs) -> Result<Verdict> {
         leave_core(loop_core(config.controller.cpu)); // before a thread starts
     }
     let stop = stop_flag(Who::service(args.child))?;
+    // Whoever sits before a `learn` is told at once, and repeats it.
+    let is_service = args.child.is_none();
     let set_level = log::start(&config.log);
     reload::on_hangup(Some(&folder.config_path()), &config, set_level)?;
     let _session = folder.lock()?;
     let cells = cells(args, &config)?;
     let _locks = join(&cells, &folder)?;
     let mut learner = open(&folder, &config)?;
+    if is_service {
+        note_run(&folder, &learner);
+    }
 
     // A learner that waits for its controller is up.
     notify(&[Notice::Ready]);
@@ -71,8 +76,6 @@ pub fn run(args: &LearnerArgs) -> Result<Verdict> {
         write_down(&event, &mut recording);
         log.report(&event, &mut line, out.as_ref());
     };
-    // Whoever sits before a `learn` is told at once, and repeats it.
-    let is_service = args.child.is_none();
     let cells = Cells { named: cells, wanted: setup::equipment(&config)? };
     let end = session::run(cells, &mut learner, is_service, &stop, &mut on_event)?;
     notify(&[Notice::Stopping]);
@@ -93,6 +96,14 @@ pub fn run(args: &LearnerArgs) -> Result<Verdict> {
         "learner ended cleanly"
     );
     Ok(if end == End::Done { Verdict::Done } else { Verdict::Negative })
+}
+
+/// What is not written down is not known later; learning goes on.
+fn note_run(folder: &SessionFolder, learner: &Learner) {
+    let run = provenance::Run::here(learner.trials().len() as u64);
+    if let Err(error) = provenance::add(&folder.provenance(), run) {
+        tracing::warn!("{error:#}");
+    }
 }
 
 fn start_recording(folder: &SessionFolder, config: &Config) -> Result<SessionRecorder> {

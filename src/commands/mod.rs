@@ -27,6 +27,7 @@ pub mod session;
 pub mod shell;
 pub mod soak;
 pub mod status;
+pub mod stored;
 pub mod study;
 pub mod task;
 pub mod trials;

@@ -94,7 +94,9 @@ pub fn summary(store: &Store, prefer: Prefer) -> Result<Vec<serde_json::Value>> 
 pub fn rows(store: &Store, prefer: Prefer) -> Result<Vec<ModeRow>> {
     let modes = store.mode_reports()?;
     let answer = answer_of(&modes, prefer);
-    let row = |(report, _): (ModeReport, u64)| ModeRow {
+    let row = |(report, policy_id): (ModeReport, u64)| ModeRow {
+        policy_id,
+        film: None,
         is_answer: answer == Some(report.number),
         number: report.number,
         n_trials: report.n_trials,

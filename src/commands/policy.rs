@@ -11,7 +11,7 @@ use shm_types::measures::TRUTH;
 use shm_types::policy::{ACTIVATION_DECAY, ACTIVATION_STATE, OUTPUT_VELOCITY, PolicyMsg};
 use shm_types::policy_json;
 
-use super::report::open;
+use super::stored::open;
 use super::{live, modes, repertoire};
 use crate::Verdict;
 use crate::cell::NamedCell;

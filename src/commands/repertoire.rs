@@ -9,7 +9,7 @@ use learner::repertoire::serve;
 use learner::wish::Wish;
 use shm_types::policy::PolicyMsg;
 
-use super::report::open;
+use super::stored::open;
 use crate::config::Config;
 use crate::session_folder::SessionFolder;
 use crate::setup;

@@ -10,7 +10,7 @@ use shm_types::episode::{EpisodeHeader, TickRecord};
 use shm_types::measures::Measures;
 use shm_types::policy::PolicyMsg;
 
-use super::report::{best, open};
+use super::stored::{best, open};
 use crate::Verdict;
 use crate::bar::bar;
 use crate::cli::record::ReplayArgs;
@@ -93,7 +93,7 @@ fn all(store: &Store, config: &Config, trials: &[TrialRecord], as_json: bool) ->
 }
 
 /// A trial that was executed again.
-pub(super) struct Replayed {
+pub struct Replayed {
     pub policy: PolicyMsg,
     measures: Measures,
     success: bool,
@@ -132,7 +132,7 @@ impl Replayed {
 }
 
 /// Executes trials again.
-pub(super) struct Again<'a> {
+pub struct Again<'a> {
     store: &'a Store,
     execute: Box<Executor>,
     judge: Judge,
@@ -156,7 +156,8 @@ impl Again<'_> {
     }
 }
 
-fn write(
+/// Records a trial that was executed again; returns the file.
+pub fn write(
     config: &Config,
     trial: &TrialRecord,
     replayed: &Replayed,

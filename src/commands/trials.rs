@@ -8,7 +8,7 @@ use learner::store::{CellRecord, TrialRecord, equipment_of};
 use serde_json::{Map, Value, json};
 use shm_types::measures::TRUTH;
 
-use super::report::open;
+use super::stored::open;
 use crate::Verdict;
 use crate::cli::trials::TrialsArgs;
 use crate::fields;
@@ -21,6 +21,24 @@ const SHOWN: usize = 12;
 
 pub fn run(args: &TrialsArgs) -> Result<Verdict> {
     let folder = SessionFolder::open(&args.session)?;
+    let rows = rows(&folder)?;
+    if args.json {
+        let trials: Vec<Map<_, _>> = rows.into_iter().map(Map::from_iter).collect();
+        print_json(&json!({ "session": folder.dir(), "trials": trials }))?;
+    } else if args.csv == Path::new("-") {
+        print(&as_csv(&rows)?)?;
+    } else {
+        write_new(&args.csv, &as_csv(&rows)?)?;
+    }
+    Ok(Verdict::Done)
+}
+
+/// All trials of a session as CSV.
+pub fn csv_of(folder: &SessionFolder) -> Result<String> {
+    as_csv(&rows(folder)?)
+}
+
+fn rows(folder: &SessionFolder) -> Result<Vec<Row>> {
     let store = open(folder.dir(), &folder.database())?;
     let (measures, task) = (&store.meta().measures, tasks::find(&store.meta().task));
     // One of another program's tasks has none that is known here.
@@ -31,16 +49,7 @@ pub fn run(args: &TrialsArgs) -> Result<Verdict> {
     let cells = store.cells()?;
     let cells = if has_cells || cells.len() > 1 { Some(&cells[..]) } else { None };
     let columns = Columns { are_rated, has_cells, cells, measures, units };
-    let rows: Vec<Row> = trials.iter().map(|trial| row(trial, &columns)).collect();
-    if args.json {
-        let trials: Vec<Map<_, _>> = rows.into_iter().map(Map::from_iter).collect();
-        print_json(&json!({ "session": folder.dir(), "trials": trials }))?;
-    } else if args.csv == Path::new("-") {
-        print(&as_csv(&rows)?)?;
-    } else {
-        write_new(&args.csv, &as_csv(&rows)?)?;
-    }
-    Ok(Verdict::Done)
+    Ok(trials.iter().map(|trial| row(trial, &columns)).collect())
 }
 
 type Row = Vec<(String, Value)>;

@@ -10,9 +10,13 @@ pub const HALF: f64 = 440.0;
 pub const THIRD: f64 = 320.0;
 pub const FRAME: f64 = 118.0;
 
-/// Stops what moves, and where motion is not wanted starts it; the stylesheet does the rest.
-const SWITCH: &str = "<input type=\"checkbox\" id=\"switch\">\n<label for=\"switch\">\
-    <span class=\"stop\">Pause</span><span class=\"start\">Play</span></label>\n";
+/// Stops what moves in the figure `stem`, and where motion is not wanted starts it; the stylesheet does the rest.
+fn switch(stem: &str) -> String {
+    format!(
+        "<input type=\"checkbox\" id=\"switch-{stem}\">\n<label for=\"switch-{stem}\">\
+         <span class=\"stop\">Pause</span><span class=\"start\">Play</span></label>\n"
+    )
+}
 
 /// Panels side by side; on a narrow page they wrap.
 pub enum Row {
@@ -24,8 +28,8 @@ pub enum Row {
     Frames(Vec<Panel>),
     /// One panel in a column of its own, beside the caption or another such figure.
     Half(Panel),
-    /// The same, of a panel that moves: with a switch to stop it.
-    Moving(Panel),
+    /// Panels that move, with one switch to stop them: a single one in a column of its own, several side by side.
+    Moving(Vec<Panel>),
     /// HTML below the drawings: a table of the numbers in them.
     Numbers(String),
 }
@@ -50,14 +54,23 @@ impl Row {
     fn panels(&self) -> (&[Panel], f64) {
         match self {
             Row::Wide { wide, .. } => (std::slice::from_ref(wide), 0.0),
-            Row::Thirds(panels) => (panels, 20.0),
+            Row::Thirds(panels) | Row::Moving(panels) => (panels, 20.0),
             Row::Frames(panels) => (panels, 8.0),
-            Row::Half(panel) | Row::Moving(panel) => (std::slice::from_ref(panel), 0.0),
+            Row::Half(panel) => (std::slice::from_ref(panel), 0.0),
             Row::Numbers(_) => (&[], 0.0),
         }
     }
 
-    fn html(&self) -> String {
+    /// It fills one column of a page of two.
+    fn is_half(&self) -> bool {
+        match self {
+            Row::Half(_) => true,
+            Row::Moving(panels) => panels.len() == 1,
+            _ => false,
+        }
+    }
+
+    fn html(&self, stem: &str) -> String {
         let row =
             |class: &str, content: &str| format!("<div class=\"row{class}\">\n{content}</div>\n");
         let panels = || self.panels().0.iter().map(Panel::inline).collect::<String>();
@@ -68,7 +81,8 @@ impl Row {
             Row::Thirds(_) => row(" thirds", &panels()),
             Row::Frames(_) => row(" frames", &panels()),
             Row::Half(_) => row("", &panels()),
-            Row::Moving(_) => row(" player", &(SWITCH.to_owned() + &panels())),
+            Row::Moving(moving) if moving.len() == 1 => row(" player", &(switch(stem) + &panels())),
+            Row::Moving(_) => row(" player", &(switch(stem) + &row(" thirds", &panels()))),
             Row::Numbers(table) => table.clone(),
         }
     }
@@ -92,25 +106,17 @@ impl Row {
 }
 
 impl Figure {
-    /// As section `number` of the page.
+    /// As section `number` of the page, with a link to its file; nothing where there is no drawing.
     pub fn html(&self, number: usize) -> String {
-        let Figure { stem, title, caption, .. } = self;
-        let drawing: String = match &self.rows {
-            Ok(rows) => rows.iter().map(Row::html).collect(),
-            Err(missing) => {
-                let missing = escape(missing);
-                return format!(
-                    "<section id=\"{stem}\" class=\"half\">\n<h2>{title}</h2>\n\
-                     <p class=\"missing\">Figure {number} is missing: {missing}</p>\n</section>\n"
-                );
-            }
-        };
-        let is_half = |row: &Row| matches!(row, Row::Half(_) | Row::Moving(_));
-        let class = if self.rows.iter().flatten().any(is_half) { " class=\"half\"" } else { "" };
+        let Figure { stem, title, caption, rows } = self;
+        let Ok(rows) = rows else { return String::new() };
+        let drawing: String = rows.iter().map(|row| row.html(stem)).collect();
+        let class = if rows.iter().any(Row::is_half) { " class=\"half\"" } else { "" };
         format!(
             "<section id=\"{stem}\"{class}>\n<h2>{title}</h2>\n<figure>\n\
              <div class=\"drawing\">\n{drawing}</div>\n\
-             <figcaption><b>Figure {number}.</b> {caption}</figcaption>\n</figure>\n</section>\n"
+             <figcaption><b>Figure {number}.</b> {caption} \
+             <a class=\"file\" href=\"{stem}.svg\">SVG</a></figcaption>\n</figure>\n</section>\n"
         )
     }
 

@@ -1,4 +1,4 @@
-//! The drawing kit of reports, studies and benches: SVG panels, plots, figures with captions, one style.
+//! The drawing kit of reports, studies and benches: SVG panels, plots, key frames, figures with captions, one style.
 
 pub mod distribution;
 pub mod figure;
@@ -6,3 +6,4 @@ pub mod map;
 pub mod plot;
 pub mod style;
 pub mod svg;
+pub mod track;

@@ -47,6 +47,16 @@ impl Panel {
         }
     }
 
+    /// A line of a width that is part of the drawing, px.
+    pub fn thick_line(&mut self, a: (f64, f64), b: (f64, f64), width: f64, class: &str) {
+        let (d, width) = (path_data([a, b]), short(width));
+        if !d.is_empty() {
+            self.write(format_args!(
+                r#"<path class="line {class}" style="stroke-width:{width}px" d="{d}"/>"#
+            ));
+        }
+    }
+
     /// A closed, filled outline.
     pub fn polygon(&mut self, points: impl IntoIterator<Item = (f64, f64)>, class: &str) {
         let d = path_data(points);

@@ -22,12 +22,13 @@ const N_COLOURS: usize = 8;
 /// Largest area between the axes, px.
 const AREA: (f64, f64) = (384.0, 420.0);
 
-const LEGEND: [Entry; 5] = [
-    (Key::Line, "learnt", "path"),
+const LEGEND: [Entry; 6] = [
+    (Key::Line, "learnt", "learnt"),
     (Key::Line, "attractor", "path of the attractor"),
     (Key::Dot, "o3", "attractor"),
-    (Key::Line, "initial", "initial: path"),
-    (Key::Dot, "dot start", "initial: attractor"),
+    (Key::Line, "initial", "first rollout"),
+    (Key::Dot, "dot start", "its attractors"),
+    (Key::Line, "shown", "demonstration"),
 ];
 
 pub fn figure(data: &ReportData) -> Figure {
@@ -37,7 +38,7 @@ pub fn figure(data: &ReportData) -> Figure {
         Ok(vec![Row::Half(draw(data))])
     };
     let mut missing = String::new();
-    for (path, name) in [(&data.learnt_path, "learnt"), (&data.initial_path, "initial")] {
+    for (path, name) in [(&data.film.path, "learnt"), (&data.initial_path, "initial")] {
         if path.is_empty() {
             missing += &format!(" The session holds no path of the {name} policy.");
         }
@@ -51,8 +52,8 @@ pub fn figure(data: &ReportData) -> Figure {
              Σ<sub>i</sub> h<sub>i</sub> μ<sub>i</sub> (dashed), which it need not reach. Each \
              ellipse connects displacements of equal spring energy: wide where the spring is \
              compliant, and a circle of {:.0}&#8239;mm radius where it has \
-             {REFERENCE_STIFFNESS:.0}&#8239;s⁻² in every direction. Grey: the initial \
-             policy.{missing}",
+             {REFERENCE_STIFFNESS:.0}&#8239;s⁻² in every direction. Grey: the \
+             first rollout, which imitates the demonstration.{missing}",
             data.tip,
             REFERENCE_RADIUS_M * 1e3
         ),
@@ -67,9 +68,16 @@ fn draw(data: &ReportData) -> Panel {
     let centres = |policy: &PolicyMsg| -> Vec<(f64, f64)> {
         policy.components().iter().map(|component| position(&component.attractor)).collect()
     };
-    let (initial, learnt) = (pan(&data.initial_path), pan(&data.learnt_path));
+    let (initial, learnt) = (pan(&data.initial_path), pan(&data.film.path));
+    let shown: Vec<Vec<(f64, f64)>> = data
+        .demonstrations
+        .iter()
+        .map(|shown| {
+            shown.path().iter().map(|pose| (pose.translation.x, pose.translation.z)).collect()
+        })
+        .collect();
     let (starts, attractors) = (centres(&data.initial), centres(&data.learnt));
-    let all = || [&initial, &learnt, &starts, &attractors].into_iter().flatten();
+    let all = || [&initial, &learnt, &starts, &attractors].into_iter().chain(&shown).flatten();
     let x = Axis::exactly("x (forward), m", all().map(|point| point.0));
     let z = Axis::exactly("z (up), m", all().map(|point| point.1));
     let (x, z, area) = equal_scale(x, z);
@@ -84,6 +92,7 @@ fn draw(data: &ReportData) -> Panel {
             panel.polygon(outline, &class);
         }
     });
+    shown.into_iter().for_each(|curve| plot.curve(curve, "shown"));
     plot.curve(initial, "initial");
     starts.iter().for_each(|start| plot.dot(start.0, start.1, 3.0, "dot start"));
     plot.curve(attractor_path(&data.learnt), "attractor");

@@ -1,6 +1,8 @@
 //! Task coordinates over time, learnt against initial: the movements behind the paper's Fig. 4.
 
+use learner::Demonstration;
 use learner::path::PathRow;
+use nalgebra::Isometry3;
 
 use super::ReportData;
 use super::stiffness::mark_events;
@@ -10,15 +12,18 @@ use crate::draw::svg::Panel;
 
 const LEGEND: [Entry; 3] = [
     (Key::Line, "learnt", "learnt"),
-    (Key::Line, "initial", "initial"),
+    (Key::Line, "initial", "first rollout"),
     (Key::Line, "attractor", "attractor"),
 ];
+const SHOWN: Entry = (Key::Line, "shown", "demonstration");
 
 /// What it is of whom, what it shows of a row, and of the attractor where there is one.
 struct Coordinate {
     of: fn(&ReportData) -> String,
     value: fn(&PathRow) -> f32,
     attractor: Option<fn(&PathRow) -> f32>,
+    /// What it is in a pose that was demonstrated.
+    shown: Option<fn(&Isometry3<f64>) -> f64>,
 }
 
 const COORDINATES: [Coordinate; 3] = [
@@ -26,36 +31,39 @@ const COORDINATES: [Coordinate; 3] = [
         of: |data| format!("height of the {}, m", data.tip),
         value: |row| row.pan_position[2],
         attractor: Some(|row| row.attractor[2]),
+        shown: Some(|pose| pose.translation.z),
     },
     Coordinate {
         of: |data| format!("pitch of the {}, ° (nose down > 0)", data.tip),
         value: |row| row.pan_rotation[0].to_degrees(),
         attractor: Some(|row| row.attractor[3].to_degrees()),
+        shown: Some(|pose| pose.rotation.scaled_axis().y.to_degrees()),
     },
     Coordinate {
         of: |data| format!("height of the {}, m", data.object),
         value: |row| row.object_position[2],
         attractor: None,
+        shown: None,
     },
 ];
 
 pub fn figure(data: &ReportData) -> Figure {
-    let rows = if data.learnt_path.len() < 2 {
+    let rows = if data.film.path.len() < 2 {
         Err(format!("the session holds no path of rollout {}.", data.learnt_rollout))
     } else {
         let panels = COORDINATES.iter().map(|coordinate| draw(data, coordinate)).collect();
         Ok(vec![Row::Thirds(panels)])
     };
     let initial = if data.initial_path.len() < 2 {
-        " The session holds no path of the initial policy."
+        " The session holds no path of the first rollout."
     } else {
         ""
     };
     Figure {
         stem: "coordinates",
-        title: "Movement over time",
+        title: "Learnt against demonstrated",
         caption: format!(
-            "Rollout {} against the initial policy, which imitates the demonstration. The {} \
+            "Rollout {} against the demonstration and the first rollout, which imitates it. The {} \
              lags behind its attractor like a mass on a spring, most where the springs are \
              soft. Dotted lines: {} of the learnt rollout.{initial}",
             data.learnt_rollout,
@@ -71,21 +79,33 @@ fn draw(data: &ReportData, coordinate: &Coordinate) -> Panel {
         path.iter().map(|row| (f64::from(row.t_s), f64::from(value(row)))).collect()
     };
     let initial = curve(&data.initial_path, coordinate.value);
-    let learnt = curve(&data.learnt_path, coordinate.value);
-    let attractor =
-        coordinate.attractor.map_or(Vec::new(), |value| curve(&data.learnt_path, value));
-    let all = || initial.iter().chain(&learnt).chain(&attractor);
+    let learnt = curve(&data.film.path, coordinate.value);
+    let attractor = coordinate.attractor.map_or(Vec::new(), |value| curve(&data.film.path, value));
+    let shown: Vec<Vec<(f64, f64)>> = match coordinate.shown {
+        Some(value) => data.demonstrations.iter().map(|shown| demonstrated(shown, value)).collect(),
+        None => Vec::new(),
+    };
+    let all = || initial.iter().chain(&learnt).chain(&attractor).chain(shown.iter().flatten());
     let x = Axis::exactly("time, s", all().map(|point| point.0));
     let label = (coordinate.of)(data);
     let y = Axis::rounded(&label, all().map(|point| point.1));
     let alt = format!("{label} over time, learnt and initial policy");
-    let legend = if coordinate.attractor.is_some() { &LEGEND[..] } else { &LEGEND[..2] };
-    let mut plot = Plot::new((THIRD, 250.0), &alt, x, y, legend);
+    let n_lines = if coordinate.attractor.is_some() { 3 } else { 2 };
+    let mut legend = LEGEND[..n_lines].to_vec();
+    legend.extend((!shown.is_empty()).then_some(SHOWN));
+    let mut plot = Plot::new((THIRD, 260.0), &alt, x, y, &legend);
     mark_events(&mut plot, &data.learnt_measures, ["", ""]);
+    shown.into_iter().for_each(|curve| plot.curve(curve, "shown"));
     plot.curve(initial, "initial");
     plot.curve(attractor, "attractor");
     plot.curve(learnt, "learnt");
     plot.panel
+}
+
+/// A coordinate of a demonstration over its time, s.
+fn demonstrated(shown: &Demonstration, value: fn(&Isometry3<f64>) -> f64) -> Vec<(f64, f64)> {
+    let path = shown.path();
+    path.iter().enumerate().map(|(i, pose)| (i as f64 * shown.period_s(), value(pose))).collect()
 }
 
 #[cfg(test)]
@@ -98,6 +118,6 @@ mod tests {
         let mut data = sample::session(3);
         data.initial_path.clear();
         let figure = figure(&data);
-        assert!(figure.svg().is_some() && figure.caption.contains("no path of the initial"));
+        assert!(figure.svg().is_some() && figure.caption.contains("no path of the first"));
     }
 }

@@ -6,6 +6,7 @@ use nalgebra::{Matrix2, Vector2};
 use shm_types::policy::PolicyMsg;
 
 use super::attractors::{X, Z, colour, equal_scale};
+use super::stiffness::times;
 use super::{ReportData, time};
 use crate::draw::figure::{Figure, Row};
 use crate::draw::plot::{Axis, Entry, Key, Plot};
@@ -18,13 +19,18 @@ const APART: f64 = 19.0;
 const AT_MOST: usize = 24;
 const POINTS: usize = 48;
 
+/// Changes of a stiffness that nobody would see, as a share.
+const SAME: f64 = 0.02;
+
 const LEGEND: [Entry; 2] =
     [(Key::Line, "learnt", "path"), (Key::Dot, "dot success", "release, crossing")];
 
 pub fn figure(data: &ReportData) -> Figure {
     let rows = if let Some(reason) = data.without_springs() {
         Err(reason)
-    } else if data.learnt_path.len() < 2 {
+    } else if !varies(&data.learnt) {
+        Err("the stiffness of the policy is the same all the time.".into())
+    } else if data.film.path.len() < 2 {
         Err(format!("the session holds no path of rollout {}.", data.learnt_rollout))
     } else {
         Ok(vec![Row::Half(draw(data))])
@@ -47,6 +53,16 @@ pub fn figure(data: &ReportData) -> Figure {
 pub fn stiffness(policy: &PolicyMsg, t_s: f64) -> Matrix2<f64> {
     let k = activation::stiffness(policy, t_s);
     Matrix2::new(k[(X, X)], k[(X, Z)], k[(Z, X)], k[(Z, Z)])
+}
+
+/// The springs are not the same all the time: some entry of K changes by more than [`SAME`] of the largest.
+pub fn varies(policy: &PolicyMsg) -> bool {
+    if policy.components().is_empty() {
+        return false;
+    }
+    let all: Vec<_> = times(policy).map(|t_s| activation::stiffness(policy, t_s)).collect();
+    let largest = all.iter().map(|k| k.amax()).fold(0.0, f64::max);
+    all.iter().any(|k| (k - &all[0]).amax() > SAME * largest)
 }
 
 /// Where the pan was in the side plane, m.
@@ -78,7 +94,7 @@ fn moments(
 }
 
 fn draw(data: &ReportData) -> Panel {
-    let (policy, path) = (&data.learnt, &data.learnt_path);
+    let (policy, path) = (&data.learnt, &data.film.path);
     let x = Axis::exactly("x (forward), m", path.iter().map(|row| place(row).0));
     let z = Axis::exactly("z (up), m", path.iter().map(|row| place(row).1));
     let (x, z, area) = equal_scale(x, z);
@@ -157,6 +173,14 @@ mod tests {
         let svg = figure(&data).svg().expect("there is a path");
         let n = svg.matches("class=\"ellipse").count();
         assert!((5..=AT_MOST).contains(&n), "{n}");
+    }
+
+    #[test]
+    fn springs_that_never_change_have_no_figure() {
+        let mut data = sample::session(3);
+        assert!(varies(&data.learnt) && !varies(&data.initial));
+        data.learnt = data.initial;
+        assert!(figure(&data).rows.is_err_and(|reason| reason.contains("the same all the time")));
     }
 
     #[test]

@@ -4,9 +4,11 @@ use nalgebra::DVector;
 use search::Mode;
 
 use super::attractors::{colour, label_places};
+use super::film::Film;
 use super::principal::Principal;
+use super::stage::{SLOWER, moving};
 use super::{ReportData, TrialRow};
-use crate::draw::figure::{Figure, HALF, Row};
+use crate::draw::figure::{Figure, HALF, Row, THIRD};
 use crate::draw::map::ellipse;
 use crate::draw::plot::{Axis, Entry, Key, Plot, fixed};
 use crate::draw::svg::{Anchor, Panel, escape};
@@ -15,18 +17,23 @@ use crate::draw::svg::{Anchor, Panel, escape};
 pub struct ModeRow {
     pub mode: Mode,
     pub number: usize,
+    pub policy_id: u64,
     pub n_trials: usize,
     /// Rollout and reward.
     pub best: Option<(u64, f64)>,
     pub tolerance: Option<f64>,
     pub is_answer: bool,
     pub forbidden: bool,
+    /// Its best rollout, where there are several modes to compare.
+    pub film: Option<Film>,
 }
 
 /// Shades of the rewards.
 const SHADES: usize = 8;
 /// Height of a line about a mode.
 const LINE: f64 = 19.0;
+/// Height of a mode in motion, px.
+const MODE_HEIGHT: f64 = 290.0;
 /// Modes of which more is said than the number.
 const LISTED: usize = 8;
 
@@ -57,6 +64,34 @@ pub fn figure(data: &ReportData) -> Figure {
         (Some(plane), _) => Ok(vec![Row::Half(draw(data, plane)), table(&data.modes)]),
     };
     Figure { stem: "modes", title: "The modes found", caption, rows }
+}
+
+/// Every mode in motion: its best rollout.
+pub fn in_motion(data: &ReportData) -> Figure {
+    let panel = |row: &ModeRow| {
+        let prefix = format!("mode{}-", row.number);
+        let mut panel = moving(data, row.film.as_ref()?, None, (THIRD, MODE_HEIGHT), &prefix)?;
+        let remark = remark(row).map_or(String::new(), |remark| format!(", {remark}"));
+        let (rollout, reward) = row.best?;
+        let text =
+            format!("{}: rollout {rollout}, reward {}{remark}", row.number, fixed(reward, 2));
+        panel.height += LINE;
+        let y = panel.height - 3.0;
+        panel.text((2.0, y), Anchor::Start, "text", &text);
+        Some(panel)
+    };
+    let panels: Vec<Panel> = data.modes.iter().filter_map(panel).collect();
+    let rows = match (panels.len(), data.modes.len()) {
+        (0 | 1, 0 | 1) => Err("the session has fewer than two modes.".to_owned()),
+        (0 | 1, _) => Err("the session holds no paths of its modes.".to_owned()),
+        _ => Ok(vec![Row::Moving(panels)]),
+    };
+    Figure {
+        stem: "modes-in-motion",
+        title: "The modes in motion",
+        caption: format!("The best rollout of each mode, {SLOWER:.0} times slower."),
+        rows,
+    }
 }
 
 /// The message shown until the learner has written the modes, which it does when it ends cleanly.
@@ -197,7 +232,7 @@ mod tests {
     fn says_so_where_there_are_no_modes_or_too_few_trials() {
         let mut data = sample::session(40);
         data.modes.clear();
-        assert!(figure(&data).html(1).contains("no modes yet"));
-        assert!(figure(&sample::session(2)).html(1).contains("too few trials"));
+        assert!(figure(&data).rows.is_err_and(|reason| reason.contains("no modes yet")));
+        assert!(figure(&sample::session(2)).rows.is_err_and(|reason| reason.contains("too few")));
     }
 }

@@ -1,6 +1,6 @@
-//! The page: verdict, summary, figures, terms, and at the end every number behind them.
+//! The page: verdict, figures, tables, terms, and at the end every number behind them.
 
-use super::{Pictures, ReportData, summary};
+use super::{Pictures, ReportData, origin, summary, trials};
 use crate::draw::figure::Figure;
 use crate::draw::style;
 use crate::draw::svg::escape;
@@ -28,7 +28,8 @@ const TERMS: &str = "<b>Terms.</b> A <i>rollout</i> is one execution of a policy
 
 pub fn html(data: &ReportData, figures: &[Figure]) -> String {
     let task = escape(&data.task);
-    let figures: String = (1..).zip(figures).map(|(n, figure)| figure.html(n)).collect();
+    let shown = figures.iter().filter(|figure| figure.rows.is_ok());
+    let sections: String = (1..).zip(shown).map(|(n, figure)| figure.html(n)).collect();
     let (heading, about, verdict, terms) = match &data.pictures {
         Pictures::Toss => ("Learning to flip", ARM, summary::verdict(data), TERMS),
         Pictures::Plane(_) => ("Searching for solutions", PLANE, summary::solutions(data), ""),
@@ -37,21 +38,76 @@ pub fn html(data: &ReportData, figures: &[Figure]) -> String {
         }
         Pictures::Plain => ("Learning", ARM, summary::verdict(data), ""),
     };
-    let terms =
-        if terms.is_empty() { String::new() } else { format!("<p class=\"terms\">{terms}</p>\n") };
+    let terms = match terms {
+        "" => String::new(),
+        terms => format!("<p class=\"terms\">{terms}</p>\n"),
+    };
+    let body = format!(
+        "<header>\n<h1>{heading}: {task}</h1>\n<p class=\"kicker\">{kicker}</p>\n\
+         <p class=\"verdict\">{verdict}</p>\n</header>\n<main>\n{sections}</main>\n{missing}\
+         <section>\n<h2>Numbers</h2>\n{tables}{files}</section>\n\
+         <p class=\"terms\">{about}</p>\n{terms}{details}",
+        kicker = escape(&kicker(data)),
+        missing = missing(figures),
+        tables = summary::tables(data),
+        files = origin::files(&data.files),
+        details = details(data),
+    );
+    document(&format!("{}: session {}", data.task, data.session), &body)
+}
+
+/// A page without a script, with the stylesheet in it.
+pub fn document(title: &str, body: &str) -> String {
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <title>{task}: session {session}</title>\n<style>\n{style}</style>\n</head>\n<body>\n\
-         <header>\n<h1>{heading}: {task}</h1>\n\
-         <p class=\"kicker\">Session {session}. {about}</p>\n\
-         <p class=\"verdict\">{verdict}</p>\n</header>\n{tables}\
-         <main>\n{figures}</main>\n{terms}{details}</body>\n</html>\n",
-        session = escape(&data.session),
+         <link rel=\"icon\" href=\"data:,\">\n\
+         <title>{title}</title>\n<style>\n{style}</style>\n</head>\n<body>\n{body}</body>\n\
+         </html>\n",
+        title = escape(title),
         style = style::page(),
-        tables = summary::tables(data),
-        details = details(data),
     )
+}
+
+/// What tells this session from others.
+fn kicker(data: &ReportData) -> String {
+    let day = data.origin.day().map(str::to_owned);
+    let parts = [
+        Some(format!("Session {}", data.session)),
+        Some(format!("seed {}", data.seed)),
+        day,
+        data.origin.program(),
+    ];
+    parts.into_iter().flatten().collect::<Vec<_>>().join(" · ")
+}
+
+/// Figures that the data does not allow, by reason.
+fn missing(figures: &[Figure]) -> String {
+    let mut reasons: Vec<(&str, Vec<&str>)> = Vec::new();
+    for figure in figures {
+        let Err(reason) = &figure.rows else { continue };
+        match reasons.iter_mut().find(|entry| entry.0 == reason.as_str()) {
+            Some((_, titles)) => titles.push(figure.title),
+            None => reasons.push((reason, vec![figure.title])),
+        }
+    }
+    if reasons.is_empty() {
+        return String::new();
+    }
+    let line = |(reason, titles): &(&str, Vec<&str>)| {
+        format!("<li>{}: {}</li>\n", titles.join(", "), with_code(&escape(reason)))
+    };
+    let lines: String = reasons.iter().map(line).collect();
+    format!("<section class=\"missing\">\n<h2>Not shown</h2>\n<ul>\n{lines}</ul>\n</section>\n")
+}
+
+/// What stands between two backticks as code.
+fn with_code(text: &str) -> String {
+    let parts = text.split('`').enumerate().map(|(i, part)| match i % 2 {
+        1 => format!("<code>{part}</code>"),
+        _ => part.to_owned(),
+    });
+    parts.collect()
 }
 
 /// What is folded away: every rollout and the configuration.
@@ -62,7 +118,7 @@ fn details(data: &ReportData) -> String {
         details = format!(
             "<details>\n<summary>All rollouts in numbers</summary>\n<div class=\"scroll\">\n{}\
              </div>\n</details>\n",
-            summary::trials(data)
+            trials::table(data)
         );
     }
     details

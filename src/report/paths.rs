@@ -9,7 +9,7 @@ use crate::draw::plot::{Axis, Entry, Key, Plot};
 use crate::draw::svg::Panel;
 
 pub fn figure(data: &ReportData) -> Figure {
-    let rows = match data.learnt_path.len() {
+    let rows = match data.film.path.len() {
         0 | 1 => Err(format!("the session holds no path of rollout {}.", data.learnt_rollout)),
         _ => Ok(vec![Row::Half(draw(data))]),
     };
@@ -36,8 +36,8 @@ fn draw(data: &ReportData) -> Panel {
     let objects = |path: &[PathRow]| -> Vec<(f64, f64)> {
         path.iter().map(|row| place(row.object_position)).collect()
     };
-    let (first, object) = (objects(&data.initial_path), objects(&data.learnt_path));
-    let tip: Vec<_> = data.learnt_path.iter().map(|row| place(row.pan_position)).collect();
+    let (first, object) = (objects(&data.initial_path), objects(&data.film.path));
+    let tip: Vec<_> = data.film.path.iter().map(|row| place(row.pan_position)).collect();
     let all = || [&first, &tip, &object].into_iter().flatten();
     let x = Axis::exactly("x (forward), m", all().map(|point| point.0));
     let z = Axis::exactly("z (up), m", all().map(|point| point.1));
@@ -64,7 +64,7 @@ mod tests {
         let svg = figure(&data).svg().unwrap();
         assert!(svg.matches("line initial").count() >= 1, "{svg}");
         assert_eq!(svg.matches("dot success").count(), 2);
-        data.learnt_path.clear();
+        data.film.path.clear();
         assert!(figure(&data).svg().is_none());
     }
 }

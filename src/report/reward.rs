@@ -6,7 +6,7 @@ use crate::draw::plot::{Axis, Entry, Key, Plot};
 use crate::draw::svg::Panel;
 
 /// Rollouts in a running mean.
-const WINDOW: usize = 10;
+pub const WINDOW: usize = 10;
 
 const BEST: Entry = (Key::Line, "best", "best so far");
 const MEAN: Entry = (Key::Line, "mean", "mean of the last 10");
@@ -31,11 +31,15 @@ pub fn figure(data: &ReportData) -> Figure {
             Pictures::Plain => &LEGEND,
         };
         Ok(match data.plane() {
-            // Beside the plane.
-            Some(_) => vec![Row::Half(draw(data, legend, HALF))],
+            // Beside the plane, or the movement.
+            Some(_) => vec![Row::Half(draw(data, legend, (HALF, 300.0)))],
+            None if !data.is_action() => vec![
+                Row::Half(draw(data, legend, (HALF, 262.0))),
+                Row::Half(draw_successes(data, (HALF, 122.0))),
+            ],
             None => vec![
-                Row::wide(|width| draw(data, legend, width)),
-                Row::wide(|width| draw_successes(data, width)),
+                Row::wide(|width| draw(data, legend, (width, 300.0))),
+                Row::wide(|width| draw_successes(data, (width, 150.0))),
             ],
         })
     };
@@ -46,15 +50,14 @@ pub fn figure(data: &ReportData) -> Figure {
              among the last 10 rollouts."
         }
         Pictures::Toss => {
-            "Each rollout is rewarded for flip angle, closeness of pan and pancake, and height. \
-             One point per rollout, filled where the pancake was flipped and caught. Below: the \
+            "One point per rollout, filled where the pancake was flipped and caught. Below: the \
              share of caught flips among the last 10 rollouts."
         }
     };
-    Figure { stem: "reward", title: "Reward over the rollouts", caption: caption.to_owned(), rows }
+    Figure { stem: "reward", title: "Learning curve", caption: caption.to_owned(), rows }
 }
 
-fn draw(data: &ReportData, legend: &[Entry], width: f64) -> Panel {
+fn draw(data: &ReportData, legend: &[Entry], size: (f64, f64)) -> Panel {
     let trials = &data.trials;
     let rollouts = || trials.iter().map(|trial| trial.rollout as f64);
     let rewards = || trials.iter().map(|trial| trial.reward);
@@ -63,7 +66,7 @@ fn draw(data: &ReportData, legend: &[Entry], width: f64) -> Panel {
     let y = Axis::rounded("reward", trials.iter().map(|trial| 1.1 * trial.reward).chain([0.0]));
     let successes = trials.iter().filter(|trial| trial.success).count();
     let alt = format!("Reward of {} rollouts, {successes} successful", trials.len());
-    let mut plot = Plot::new((width, 300.0), &alt, x, y, legend);
+    let mut plot = Plot::new(size, &alt, x, y, legend);
 
     let best = best_so_far(trials);
     plot.curve(steps(&rollouts().zip(best).collect::<Vec<_>>()), "best");
@@ -72,7 +75,7 @@ fn draw(data: &ReportData, legend: &[Entry], width: f64) -> Panel {
         let name = format!("first {}: {}", data.success, first.rollout);
         plot.event(first.rollout as f64, 0, &name);
     }
-    let radius = if width > HALF { 3.6 } else { 2.8 };
+    let radius = if size.0 > HALF { 3.6 } else { 2.8 };
     for trial in trials {
         let class = if trial.success { "dot success" } else { "dot failure" };
         plot.dot(trial.rollout as f64, trial.reward, radius, class);
@@ -80,14 +83,14 @@ fn draw(data: &ReportData, legend: &[Entry], width: f64) -> Panel {
     plot.panel
 }
 
-fn draw_successes(data: &ReportData, width: f64) -> Panel {
+fn draw_successes(data: &ReportData, size: (f64, f64)) -> Panel {
     let trials = &data.trials;
     let successes = if data.is_toss() { "caught flips" } else { "successes" };
     let label = format!("{successes} among the last 10, %");
     let x = Axis::rollouts(trials.iter().map(|trial| trial.rollout));
     let y = Axis { label: &label, min: 0.0, max: 100.0 };
-    let alt = "share of caught flips among the last 10 rollouts";
-    let mut plot = Plot::new((width, 150.0), alt, x, y, &[]);
+    let alt = format!("share of {successes} among the last 10 rollouts");
+    let mut plot = Plot::new(size, &alt, x, y, &[]);
     let rollouts = trials.iter().map(|trial| trial.rollout as f64);
     let caught = trials.iter().map(|trial| if trial.success { 100.0 } else { 0.0 });
     plot.curve(rollouts.zip(running_mean(caught)).skip(WINDOW - 1), "learnt");
@@ -104,7 +107,7 @@ fn best_so_far(trials: &[TrialRow]) -> Vec<f64> {
 }
 
 /// Mean of each value and the [`WINDOW`] − 1 before it, as far as there are any.
-fn running_mean(values: impl Iterator<Item = f64>) -> Vec<f64> {
+pub fn running_mean(values: impl Iterator<Item = f64>) -> Vec<f64> {
     let values: Vec<f64> = values.collect();
     (1..=values.len())
         .map(|end| {
@@ -115,7 +118,7 @@ fn running_mean(values: impl Iterator<Item = f64>) -> Vec<f64> {
 }
 
 /// The corners of a line that keeps each value until the next point.
-fn steps(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
+pub fn steps(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     let mut corners = Vec::with_capacity(2 * points.len());
     for pair in points.windows(2) {
         corners.extend([pair[0], (pair[1].0, pair[0].1)]);
@@ -144,7 +147,7 @@ mod tests {
     #[test]
     fn draws_one_point_per_rollout() {
         let data = sample::session(40);
-        let svg = draw(&data, &LEGEND, HALF).inline();
+        let svg = draw(&data, &LEGEND, (HALF, 300.0)).inline();
         let points = svg.matches("dot success").count() + svg.matches("dot failure").count();
         assert_eq!(points, 40 + 2, "forty points and two in the legend");
     }

@@ -14,7 +14,12 @@ use search::Mode;
 use shm_types::measures::{Measure, Measures, TRUTH};
 use shm_types::policy::{PolicyMsg, packed_index};
 
-use super::{ModeRow, Pictures, ReportData, TrialRow};
+use super::{
+    Attempt, Circumstance, Film, LinkTo, Links, Look, ModeRow, Origin, Pictures, ReportData,
+    Robustness, Term, TrialRow,
+};
+use crate::provenance::Run;
+use crate::record::solids::Solids;
 
 /// Parameters of a made-up policy.
 const DIM: usize = 6;
@@ -30,7 +35,9 @@ pub fn session(n: u64) -> ReportData {
             .expect("the demonstration of the repository is valid");
     let initial = initial_policy(&demonstration, &InitialPolicyConfig::default());
     let learnt = learnt(initial);
-    let (learnt_path, crossing_s) = flip(&learnt);
+    let (path, crossing_s) = flip(&learnt);
+    let film =
+        Film { rollout: n.saturating_sub(3).max(1), arm: path.iter().map(arm).collect(), path };
     let learnt_measures = measures(&[
         ("caught", 1.0),
         ("release_time_s", RELEASE_S),
@@ -55,10 +62,21 @@ pub fn session(n: u64) -> ReportData {
         learnt,
         learnt_rollout: n.saturating_sub(3).max(1),
         initial_path: flip(&initial).0.into_iter().map(keep_pancake_in_pan).collect(),
-        learnt_path,
+        modes: modes(&film),
+        film,
+        look: Some(Look {
+            radii: vec![0.07, 0.05],
+            has_shapes: false,
+            is_measured: true,
+            solids: Solids { tip: ("pan", vec![]), object: ("pancake", vec![]), has_string: false },
+        }),
+        demonstrations: vec![demonstration],
+        terms: terms(n),
+        robustness: Ok(robustness()),
+        origin: Origin { runs: Ok(vec![Run::here(0)]) },
+        files: vec![LinkTo::new("all trials, CSV", "trials.csv")],
         learnt_measures,
         notes: vec![("rollouts per second".into(), "4.2".into())],
-        modes: modes(),
         timing: Ok(vec![LoopTiming {
             pace: Pace::Realtime,
             ticks: 1900,
@@ -73,8 +91,41 @@ pub fn session(n: u64) -> ReportData {
     }
 }
 
+/// A base and a link that ends at the pan.
+fn arm(row: &PathRow) -> Links {
+    let pan = Vector3::from(row.pan_position.map(f64::from));
+    let shoulder = Vector3::new(0.0, 0.0, 0.35);
+    vec![[Vector3::zeros(), shoulder], [shoulder, pan - Vector3::x() * 0.3]]
+}
+
+fn terms(n: u64) -> Vec<Term> {
+    let term = |name: &str, k| Term {
+        name: name.into(),
+        values: (0..n).map(|rollout| 0.5 + 0.4 * noise(7 * rollout + k)).collect(),
+    };
+    vec![term("height", 1), term("flip angle", 2), term("aim", 3), term("catch", 4)]
+}
+
+fn robustness() -> Robustness {
+    let attempt = |value, reward| Attempt { value, success: reward > 0.5, reward };
+    let attempts = |values: [f64; 4]| values.into_iter().zip([0.2, 1.0, 1.0, 0.9]);
+    let circumstance = |name, unit, values| Circumstance {
+        name,
+        unit,
+        attempts: attempts(values).map(|(value, reward)| attempt(value, reward)).collect(),
+    };
+    Robustness {
+        policy: "the policy of rollout 4".into(),
+        as_learnt: attempt(0.0, 1.2),
+        circumstances: vec![
+            circumstance("forward", "cm", [-2.0, -1.0, 1.0, 2.0]),
+            circumstance("mass", "×", [0.5, 0.75, 1.5, 2.0]),
+        ],
+    }
+}
+
 /// Two of them, the first the answer.
-fn modes() -> Vec<ModeRow> {
+fn modes(film: &Film) -> Vec<ModeRow> {
     let row = |number: usize, prior, best| ModeRow {
         mode: Mode {
             prior,
@@ -82,6 +133,8 @@ fn modes() -> Vec<ModeRow> {
             covariance: DMatrix::from_diagonal_element(DIM, DIM, 0.02),
         },
         number,
+        policy_id: 1_000_000 + number as u64,
+        film: Some(film.clone()),
         n_trials: 12,
         best: Some((9, best)),
         tolerance: Some(0.8),

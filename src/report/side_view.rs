@@ -19,6 +19,8 @@ const WRIST: f64 = 0.30;
 const PANCAKE_RADIUS: f64 = 0.08;
 const PANCAKE_THICKNESS: f64 = 0.01;
 const NORMAL: f64 = 0.055;
+/// Around what is shown, m.
+const MARGIN: f64 = 0.03;
 /// Points of a circle.
 const CIRCLE: usize = 32;
 
@@ -48,13 +50,17 @@ impl View {
         View { x, z, scale: width / (x.1 - x.0) }
     }
 
-    /// The same within a frame of `width` × `height` px at most.
-    pub fn within(path: &[PathRow], (width, height): (f64, f64)) -> View {
-        let view = View::of(path, width);
-        let scale = view.scale * (height / view.height()).min(1.0);
+    /// Shows the path, and of `others` what is not below the ground, within a frame of `width` × `height` px.
+    pub fn within(path: &[PathRow], others: &[Vector3<f64>], (width, height): (f64, f64)) -> View {
+        let View { mut x, mut z, .. } = View::of(path, width);
+        for p in others {
+            x = (x.0.min(p.x - MARGIN), x.1.max(p.x + MARGIN));
+            z = (z.0.min(p.z.max(0.0) - MARGIN), z.1.max(p.z + MARGIN));
+        }
+        let scale = (width / (x.1 - x.0)).min(height / (z.1 - z.0));
         // What the frame is too wide for is shown on both sides.
-        let more = 0.5 * (width / scale - (view.x.1 - view.x.0));
-        View { x: (view.x.0 - more, view.x.1 + more), scale, ..view }
+        let more = 0.5 * (width / scale - (x.1 - x.0));
+        View { x: (x.0 - more, x.1 + more), z, scale }
     }
 
     pub fn width(&self) -> f64 {
@@ -120,7 +126,7 @@ pub fn draw_pancake(panel: &mut Panel, view: &View, row: &PathRow) {
 }
 
 /// The convex hull (Andrew's monotone chain); empty if a point is not finite.
-fn convex_hull(mut points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
+pub fn convex_hull(mut points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
     if points.iter().any(|(x, y)| !x.is_finite() || !y.is_finite()) {
         return Vec::new();
     }
@@ -160,15 +166,18 @@ mod tests {
 
     #[test]
     fn a_view_fills_its_frame() {
-        let path = sample::session(1).learnt_path;
-        let view = View::within(&path, (440.0, 300.0));
+        let path = sample::session(1).film.path;
+        let base = [Vector3::new(0.0, 0.0, 0.0), Vector3::new(0.0, 0.0, -0.1)];
+        let view = View::within(&path, &base, (440.0, 300.0));
         assert!((view.width() - 440.0).abs() < 1e-9 && view.height() < 300.0 + 1e-9);
+        assert!(view.x.0 < 0.0 && view.z.0 < 0.0, "the base is in view");
+        assert!(view.z.0 > -0.1, "what is below the ground is not");
     }
 
     #[test]
     fn positive_pitch_lowers_the_nose() {
         let view = View { x: (0.0, 1.0), z: (0.0, 1.0), scale: 100.0 };
-        let mut row = sample::session(1).learnt_path[0];
+        let mut row = sample::session(1).film.path[0];
         (row.pan_position, row.pan_rotation) = ([0.5, 0.0, 0.5], [0.5, 0.0, 0.0]);
         let mut panel = Panel::new(100.0, 100.0, "");
         draw_pan(&mut panel, &view, &row);
@@ -185,7 +194,7 @@ mod tests {
 
     #[test]
     fn a_pancake_thrown_away_does_not_shrink_the_view() {
-        let mut path = sample::session(1).learnt_path;
+        let mut path = sample::session(1).film.path;
         let last = path.len() - 1;
         path[last].object_position = [9.0, 0.0, -50.0];
         let view = View::of(&path, 120.0);

@@ -6,6 +6,8 @@ use learner::path::PathRow;
 use nalgebra::Vector3;
 use shm_types::measures::Measures;
 
+use super::bodies::{draw_ground, draw_links};
+use super::film::{Film, object};
 use super::side_view::{View, draw_pan, draw_pancake, orientation};
 use super::{ReportData, time};
 use crate::draw::figure::{FRAME, Figure, Row};
@@ -21,35 +23,32 @@ const HEIGHT_MARK: f64 = 0.2;
 type Moment = (usize, &'static str);
 
 pub fn figure(data: &ReportData) -> Figure {
-    let path = finite(&data.learnt_path);
+    let film = data.film.finite();
+    let path = &film.path;
     let measures = &data.learnt_measures;
     let rows = if path.len() < 2 {
         Err(format!("the session holds no path of rollout {}.", data.learnt_rollout))
     } else {
-        let view = View::of(&path, FRAME);
-        let moments = moments(&path, measures).into_iter().enumerate();
-        let frames = moments.map(|(i, moment)| draw(&path, &view, moment, i == 0)).collect();
+        let view = View::of(path, FRAME);
+        let radii = data.look.as_ref().map_or(&[][..], |look| &look.radii);
+        let moments = moments(path, measures).into_iter().enumerate();
+        let frames = moments.map(|(i, moment)| draw(&film, radii, &view, moment, i == 0)).collect();
         Ok(vec![Row::Frames(frames)])
     };
     let flight =
         if time(measures, "crossing_time_s") > 0.0 { "" } else { " In this rollout it never did." };
     Figure {
         stem: "flip",
-        title: "The flip",
+        title: "The flip, moment by moment",
         caption: format!(
-            "Rollout {} from the side, with the robot on the left. All frames have the same scale; \
-             heights are in m. The pancake's original top is light and carries its normal V. Its \
+            "Rollout {} from the side. All frames have the same scale; heights are in m. \
+             The pancake's original top is light and carries its normal V. Its \
              path is dotted, and solid up to the current moment. Crossing: it falls back to \
              Δ<sub>h</sub> above the pan.{flight}",
             data.learnt_rollout
         ),
         rows,
     }
-}
-
-/// The rows that hold numbers only.
-pub fn finite(path: &[PathRow]) -> Vec<PathRow> {
-    path.iter().filter(|row| row.columns().iter().all(|v| v.is_finite())).copied().collect()
 }
 
 /// The moments worth a frame, in order of time, without two frames of the same row.
@@ -91,7 +90,8 @@ fn tilt(first: &PathRow, row: &PathRow) -> f64 {
     v0.angle(&v)
 }
 
-fn draw(path: &[PathRow], view: &View, (row, name): Moment, labelled: bool) -> Panel {
+fn draw(film: &Film, radii: &[f64], view: &View, (row, name): Moment, labelled: bool) -> Panel {
+    let path = &film.path;
     let (width, height) = (view.width(), view.height());
     let time = fixed(f64::from(path[row].t_s), 2);
     let mut panel = Panel::new(
@@ -101,7 +101,9 @@ fn draw(path: &[PathRow], view: &View, (row, name): Moment, labelled: bool) -> P
     );
     panel.clipped((0.0, 0.0), (width, height), |panel| {
         draw_heights(panel, view, labelled);
-        let flown = |row: &PathRow| view.at(&Vector3::from(row.object_position.map(f64::from)));
+        draw_ground(panel, view);
+        draw_links(panel, view, film.links(row), radii);
+        let flown = |row: &PathRow| view.at(&object(row));
         panel.path(path.iter().map(flown), "trail");
         panel.path(path[..=row].iter().map(flown), "travelled");
         draw_pan(panel, view, &path[row]);
@@ -137,7 +139,7 @@ mod tests {
     fn a_flip_has_all_its_moments_in_order() {
         let data = sample::session(5);
         let names: Vec<_> =
-            moments(&data.learnt_path, &data.learnt_measures).iter().map(|m| m.1).collect();
+            moments(&data.film.path, &data.learnt_measures).iter().map(|m| m.1).collect();
         let flip = ["start", "dip", "throw", "release", "on edge", "apex", "crossing", "end"];
         assert_eq!(names.len(), 8, "{names:?}");
         assert!(flip.iter().all(|name| names.contains(name)), "{names:?}");
@@ -158,8 +160,8 @@ mod tests {
     #[test]
     fn rows_that_are_not_finite_are_left_out() {
         let mut data = sample::session(5);
-        data.learnt_path[3].object_position[2] = f32::NAN;
-        data.learnt_path[9].pan_rotation[0] = f32::INFINITY;
+        data.film.path[3].object_position[2] = f32::NAN;
+        data.film.path[9].pan_rotation[0] = f32::INFINITY;
         assert!(figure(&data).svg().is_some_and(|svg| !svg.contains("NaN")));
     }
 }

@@ -1,6 +1,6 @@
 //! The session in one sentence and two tables.
 
-use shm_types::measures::{Measure, Measures, TRUTH};
+use shm_types::measures::Measures;
 
 use super::{Pictures, ReportData, TrialRow, time};
 use crate::draw::plot::fixed;
@@ -69,11 +69,11 @@ fn means(trials: &[TrialRow]) -> String {
     }
 }
 
-fn recent(trials: &[TrialRow]) -> &[TrialRow] {
+pub fn recent(trials: &[TrialRow]) -> &[TrialRow] {
     &trials[trials.len().saturating_sub(RECENT)..]
 }
 
-fn successes(trials: &[TrialRow]) -> usize {
+pub fn successes(trials: &[TrialRow]) -> usize {
     trials.iter().filter(|trial| trial.success).count()
 }
 
@@ -81,7 +81,7 @@ fn rollouts(n: usize) -> String {
     if n == 1 { "1 rollout".to_owned() } else { format!("{n} rollouts") }
 }
 
-/// Both tables; for a task without an arm, only the session's.
+/// The session, the shown rollout, and where both come from.
 pub fn tables(data: &ReportData) -> String {
     let (session, trial) = (session_rows(data), trial_rows(data));
     let caption = if data.trials.iter().any(|trial| trial.success) {
@@ -93,7 +93,7 @@ pub fn tables(data: &ReportData) -> String {
     if !trial.is_empty() && data.plane().is_none() {
         tables += &table(&caption, &trial);
     }
-    format!("<div class=\"tables\">\n{tables}</div>\n")
+    format!("<div class=\"tables\">\n{tables}{}</div>\n", data.origin.table())
 }
 
 fn session_rows(data: &ReportData) -> Vec<(String, String)> {
@@ -137,7 +137,7 @@ fn trial_rows(data: &ReportData) -> Vec<(String, String)> {
 /// Name of a measure, what it is called, what it is multiplied by, decimals and unit.
 type Shown = (&'static str, &'static str, f64, usize, &'static str);
 
-const DEGREES: f64 = 180.0 / std::f64::consts::PI;
+pub const DEGREES: f64 = 180.0 / std::f64::consts::PI;
 const AT_RELEASE: [Shown; 3] = [
     ("release_time_s", "release at", 1.0, 2, " s"),
     ("release_speed_m_s", "release speed", 1.0, 2, " m/s"),
@@ -174,7 +174,7 @@ fn toss_rows(measures: &Measures) -> Vec<(String, String)> {
     rows
 }
 
-fn table(caption: &str, rows: &[(String, String)]) -> String {
+pub fn table(caption: &str, rows: &[(String, String)]) -> String {
     let rows: String = rows
         .iter()
         .map(|(name, value)| {
@@ -182,87 +182,6 @@ fn table(caption: &str, rows: &[(String, String)]) -> String {
         })
         .collect();
     format!("<table>\n<caption>{}</caption>\n{rows}</table>\n", escape(caption))
-}
-
-/// Every rollout with the numbers behind the figures.
-pub fn trials(data: &ReportData) -> String {
-    const FLIPS: [&str; 9] = [
-        "rollout",
-        "reward",
-        "caught",
-        "release, m/s",
-        "spin, rad/s",
-        "apex, m",
-        "flip, °",
-        "miss, cm",
-        "fault",
-    ];
-    let (head, row): (Vec<String>, fn(&TrialRow) -> String) = match &data.pictures {
-        Pictures::Toss => (FLIPS.map(String::from).into(), trial_row),
-        Pictures::Plane(plane) => {
-            let head = ["rollout", "reward", plane.x.label, plane.y.label];
-            (head.map(String::from).into(), action_row)
-        }
-        Pictures::Plain => (measured_head(&data.trials), measured_row),
-    };
-    let head: String =
-        head.iter().map(|name| format!("<th scope=\"col\">{}</th>", escape(name))).collect();
-    let rows: String = data.trials.iter().map(row).collect();
-    format!("<table class=\"trials\">\n<tr>{head}</tr>\n{rows}</table>\n")
-}
-
-fn measured_head(trials: &[TrialRow]) -> Vec<String> {
-    let measured = trials.iter().find(|trial| !trial.measures.is_empty());
-    let declared = measured.map_or_else(Vec::new, |trial| trial.measures.declared());
-    let names = declared.into_iter().map(|(name, unit)| match unit.as_str() {
-        "1" | TRUTH => name,
-        unit => format!("{name}, {unit}"),
-    });
-    let first = ["rollout", "reward", "success", "fault"].map(String::from).into_iter();
-    first.chain(names).collect()
-}
-
-fn measured_row(trial: &TrialRow) -> String {
-    let fault = if trial.fault == 0 { "–".to_owned() } else { trial.fault.to_string() };
-    let success = if trial.success { "yes" } else { "no" }.to_owned();
-    let first = [trial.rollout.to_string(), fixed(trial.reward, 3), success, fault];
-    let number = |measure: Measure<'_>| match measure.value.is_finite() {
-        true if measure.is_truth() => measure.text(),
-        true => fixed(measure.value, 3),
-        false => "–".to_owned(),
-    };
-    let cells = first.into_iter().chain(trial.measures.iter().map(number));
-    let cells: String = cells.map(|cell| format!("<td>{cell}</td>")).collect();
-    format!("<tr>{cells}</tr>\n")
-}
-
-fn action_row(trial: &TrialRow) -> String {
-    let numbers = std::iter::once(&trial.reward).chain(trial.theta.iter().take(2));
-    let cells: String = numbers.map(|value| format!("<td>{}</td>", fixed(*value, 3))).collect();
-    format!("<tr><td>{}</td>{cells}</tr>\n", trial.rollout)
-}
-
-fn trial_row(trial: &TrialRow) -> String {
-    let of = |is_measured: bool, name, factor: f64, decimals| {
-        let value = trial.measures.get(name).filter(|value| is_measured && value.is_finite());
-        value.map_or("–".to_owned(), |value| fixed(value * factor, decimals))
-    };
-    let released = time(&trial.measures, "release_time_s") > 0.0;
-    let crossed = time(&trial.measures, "crossing_time_s") > 0.0;
-    let reward = if trial.reward.is_finite() { fixed(trial.reward, 3) } else { "–".to_owned() };
-    let cells = [
-        trial.rollout.to_string(),
-        reward,
-        if trial.success { "yes" } else { "no" }.to_owned(),
-        of(released, "release_speed_m_s", 1.0, 2),
-        of(released, "release_spin_rad_s", 1.0, 1),
-        of(true, "apex_m", 1.0, 2),
-        of(crossed, "flip_angle_rad", DEGREES, 0),
-        of(crossed, "lateral_m", 100.0, 1),
-        if trial.fault == 0 { "–".to_owned() } else { trial.fault.to_string() },
-    ];
-    let cells: String = cells.iter().map(|cell| format!("<td>{cell}</td>")).collect();
-    format!("<tr>{cells}</tr>\n")
 }
 
 #[cfg(test)]
@@ -303,7 +222,5 @@ mod tests {
         let mut data = sample::session(3);
         data.learnt_measures = sample::measures(&[]);
         assert!(trial_rows(&data).iter().all(|(name, _)| !name.contains("flip angle")));
-        data.trials[1].measures = sample::measures(&[]);
-        assert!(trial_row(&data.trials[1]).contains("<td>–</td>"));
     }
 }

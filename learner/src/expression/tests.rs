@@ -24,6 +24,21 @@ fn number(text: &str) -> f64 {
     expression.number(&VALUES).unwrap_or_else(|e| panic!("{e}"))
 }
 
+#[test]
+fn summands_have_their_text_and_add_up() {
+    let text = "2*apex_m - (exp(höhe_m) - 1) + if(caught,\n  1, 0)";
+    let expression = Expression::parse(text, &MEASURES, Number).unwrap();
+    let summands = expression.summands(&VALUES);
+    let texts: Vec<&str> = summands.iter().map(|summand| summand.0.as_str()).collect();
+    assert_eq!(texts, ["2*apex_m", "−exp(höhe_m)", "1", "if(caught, 1, 0)"]);
+    let sum: f64 = summands.iter().map(|summand| summand.1).sum();
+    assert!((sum - expression.number(&VALUES).unwrap()).abs() < 1e-15);
+    let one = Expression::parse("apex_m*2", &MEASURES, Number).unwrap();
+    assert_eq!(one.summands(&VALUES).len(), 1);
+    let none = Expression::parse("apex_m + ln(höhe_m)", &MEASURES, Number).unwrap();
+    assert!(none.summands(&VALUES).is_empty(), "the second has no value");
+}
+
 fn truth(text: &str) -> bool {
     let expression = Expression::parse(text, &MEASURES, Truth).unwrap_or_else(|e| panic!("{e}"));
     expression.truth(&VALUES).unwrap_or_else(|e| panic!("{e}"))

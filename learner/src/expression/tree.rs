@@ -152,6 +152,18 @@ impl Node {
         Ok(constant)
     }
 
+    /// The nodes that this one is the sum of, each with its sign.
+    pub fn summands<'a>(&'a self, sign: f64, found: &mut Vec<(f64, &'a Node)>) {
+        match self.op {
+            Op::Add | Op::Subtract => {
+                self.operands[0].summands(sign, found);
+                let second = if self.op == Op::Add { sign } else { -sign };
+                self.operands[1].summands(second, found);
+            }
+            _ => found.push((sign, self)),
+        }
+    }
+
     /// Calls `see` with this node and all below it, in the order of the text.
     pub fn visit(&self, see: &mut impl FnMut(&Node)) {
         see(self);

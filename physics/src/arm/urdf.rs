@@ -2,6 +2,7 @@
 //! everything that would make the dynamics wrong, each with its line.
 
 mod attributes;
+mod capsules;
 mod chain;
 mod document;
 mod dynamics_check;
@@ -9,6 +10,7 @@ mod finding;
 mod inertia;
 mod limits;
 mod links;
+mod shape;
 mod tree;
 mod xml;
 
@@ -19,6 +21,7 @@ use nalgebra::{Isometry3, IsometryMatrix3, Matrix3, Vector3};
 
 use super::MAX_JOINTS;
 use super::model::{ArmModel, Body};
+pub use capsules::{Appearance, Capsule};
 pub use chain::ChainCandidate;
 use finding::Findings;
 pub use finding::{Finding, Note, UrdfError, UrdfFault, UrdfFileError};
@@ -82,6 +85,8 @@ pub struct LoadedArm {
     pub held: Vec<HeldJoint>,
     /// All links of the file as frames.
     pub links: LinkTree,
+    /// What it looks like.
+    pub appearance: Appearance,
 }
 
 /// Reads a file in whatever encoding it has.
@@ -196,7 +201,8 @@ fn load(text: &str, tip: &str, settings: &ArmSettings) -> Result<LoadedArm, Urdf
         limits,
     };
     dynamics_check::resist(&model, &chain, &mut findings)?;
-    Ok(LoadedArm { model, notes: findings.into_notes(), held, links })
+    let appearance = Appearance::of(&tree, tip, &placements);
+    Ok(LoadedArm { model, notes: findings.into_notes(), held, links, appearance })
 }
 
 /// The payload in the axes of the body whose frame its own lies in at `X_BP`.

@@ -1,11 +1,12 @@
-//! The part of a URDF that mechanics needs: links with their inertials, joints. Shapes, materials,
-//! transmissions, safety controllers and whatever a simulator added are passed over.
+//! The part of a URDF that mechanics and drawings need: links with their inertials and simple shapes, joints. Meshes,
+//! materials, transmissions, safety controllers and whatever a simulator added are passed over.
 
 use nalgebra::{IsometryMatrix3, Matrix3, Vector3};
 use roxmltree::Node;
 
 use super::attributes::Reader;
 use super::finding::{Findings, UrdfError, UrdfFault};
+use super::shape::{self, Bar};
 use super::xml::{Source, attribute, child, is};
 
 /// A URDF as it was written, each element with its line.
@@ -23,6 +24,8 @@ pub(super) struct Link {
     pub inertial: Option<Inertial>,
     /// It has a shape to be seen or touched: it is a body and not only a frame.
     pub has_shape: bool,
+    /// Those of its shapes that are no meshes.
+    pub bars: Vec<Bar>,
 }
 
 /// Mass (kg), its pose in the link and its tensor (kg·m²) in that pose's axes.
@@ -156,7 +159,8 @@ impl Reader<'_, '_> {
         let name = self.name(node, "a <link>")?;
         let inertial = child(node, "inertial").and_then(|node| self.inertial(&node, &name));
         let has_shape = child(node, "visual").or(child(node, "collision")).is_some();
-        Some(Link { name, line, inertial, has_shape })
+        let bars = shape::bars(node);
+        Some(Link { name, line, inertial, has_shape, bars })
     }
 
     fn inertial(&mut self, node: &Node, link: &str) -> Option<Inertial> {
@@ -267,6 +271,7 @@ fn add_root(robot: &mut Robot, findings: &mut Findings) {
         let text = format!("the link \"{}\" is not in the file: taken as the world", joint.parent);
         findings.note(joint.line, text);
         let (name, line) = (joint.parent.clone(), joint.line);
-        robot.links.push(Link { name, line, inertial: None, has_shape: false });
+        let bars = Vec::new();
+        robot.links.push(Link { name, line, inertial: None, has_shape: false, bars });
     }
 }
