@@ -112,17 +112,15 @@ fn a_hub_that_is_killed_again_and_again_loses_nothing() {
     let learnt = learner(machines.cell("hub", "kitchen"), N, Duration::from_millis(40));
     let bridge = machines.join(2, machines.cell("cell", "kitchen"), None);
     for kill in 0..3 {
-        let mut hub = hub_in_a_process(&machines, 20 + kill);
+        let hub = hub_in_a_process(&machines, 20 + kill);
         let goal = (kill as usize + 1) * 6;
         learnt.until("the next six are learnt", |learnt| learnt.episodes.len() >= goal);
-        hub.kill().unwrap();
-        hub.wait().unwrap();
+        drop(hub);
     }
-    let mut hub = hub_in_a_process(&machines, 99);
+    let hub = hub_in_a_process(&machines, 99);
     learnt.until("all rollouts are learnt", |learnt| learnt.episodes.len() == N as usize);
     executed.until("all are acknowledged", |executed| executed.spool.is_empty());
-    hub.kill().unwrap();
-    hub.wait().unwrap();
+    drop(hub);
     each_once(&executed, N);
     assert!(
         bridge.look(|events| events.iter().any(|event| matches!(event, Event::Connected { .. })))
@@ -137,7 +135,7 @@ fn a_command_whose_hub_is_killed_is_carried_out_once() {
     executed.state.lock().unwrap().is_mute = true;
     let config = machines.joins(2, machines.cell("cell", "kitchen"), None);
     let _bridge = machines.join_as(config);
-    let mut hub = hub_in_a_process(&machines, 20);
+    let hub = hub_in_a_process(&machines, 20);
     let there = machines.cell("hub", "kitchen");
     // The tool has its answer within one round of its own; a learner keeps the cell alive meanwhile.
     let _learnt = learner(there.clone(), 1, AT_ONCE);
@@ -147,27 +145,35 @@ fn a_command_whose_hub_is_killed_is_carried_out_once() {
         tool.request(&ToolCommand::new(COMMAND_HOLD, 5), SOON)
     });
     executed.until("the command has come", |executed| executed.commands.len() == 1);
-    hub.kill().unwrap();
-    hub.wait().unwrap();
-    let mut hub = hub_in_a_process(&machines, 21);
+    drop(hub);
+    let hub = hub_in_a_process(&machines, 21);
     executed.state.lock().unwrap().is_mute = false;
     let reply = asked.join().unwrap().expect("the reply of the one that was carried out");
     assert_eq!((reply.accepted, reply.applied_tick), (ACCEPTED, TICK));
     assert_eq!(executed.look(|executed| executed.commands.clone()), [COMMAND_HOLD]);
-    hub.kill().unwrap();
-    hub.wait().unwrap();
+    drop(hub);
+}
+
+/// A process that is killed when it is dropped, by a test that fails too.
+struct Killed(Child);
+
+impl Drop for Killed {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
 }
 
 /// This test's executable once more, as a hub.
-fn hub_in_a_process(machines: &Machines, id: u64) -> Child {
-    Command::new(std::env::current_exe().unwrap())
+fn hub_in_a_process(machines: &Machines, id: u64) -> Killed {
+    let hub = Command::new(std::env::current_exe().unwrap())
         .args(["--exact", "hub_process", "--ignored", "--nocapture"])
         .env("BRIDGE_TEST_HUB", machines.path().join("hub"))
         .env("BRIDGE_TEST_ADDRESS", &machines.address)
         .env("BRIDGE_TEST_ID", id.to_string())
         .stdout(Stdio::null())
-        .spawn()
-        .unwrap()
+        .spawn();
+    Killed(hub.unwrap())
 }
 
 #[test]
