@@ -35,6 +35,8 @@ const WAIT: Duration = Duration::from_millis(50);
 /// What the disk refused is tried again after this long.
 const RETRY: Duration = Duration::from_secs(1);
 const WATCHDOG: Duration = Duration::from_secs(1);
+/// How long a session that is done looks for controllers that it has not heard.
+const LAST_LOOK: Duration = Duration::from_secs(1);
 /// Unusable episodes of one rollout after which it is set aside, or, when it was not executed at
 /// all, the session ends.
 const ATTEMPTS: u32 = 3;
@@ -106,8 +108,7 @@ impl Session<'_> {
         loop {
             let Some(may_ask) = self.hear_people()? else { return Ok(End::Stopped) };
             if self.learner.is_done() && may_ask {
-                // The last acknowledgements of an earlier run may have been lost with its process.
-                self.acknowledge_all();
+                self.acknowledge_at_the_end()?;
                 return Ok(End::Done);
             }
             if self.hand_out(may_ask)?.is_none() {
@@ -220,6 +221,20 @@ impl Session<'_> {
         let newest = learner.trials().iter().rev().find(|trial| trial.rollout == link.newest);
         let is_success = newest.is_some_and(|trial| trial.success);
         link.acknowledge(learner.session_id(), learner.durable_rollout(), is_success);
+    }
+
+    /// The last acknowledgements of an earlier run may have been lost with its process: a session that is resumed when
+    /// it is done looks for its controllers first.
+    fn acknowledge_at_the_end(&mut self) -> Result<(), SessionError> {
+        let start = Instant::now();
+        let is_looking = |link: &Link| !link.is_heard();
+        while self.links.iter().any(is_looking) && start.elapsed() < LAST_LOOK && !self.is_stopped()
+        {
+            self.look_around()?;
+            std::thread::sleep(WAIT);
+        }
+        self.acknowledge_all();
+        Ok(())
     }
 
     fn acknowledge_all(&self) {

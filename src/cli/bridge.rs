@@ -5,6 +5,9 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
+/// What a build without the feature says.
+pub const NOT_BUILT: &str = "this build has no network: build it with `cargo build --release --features bridge`; see docs/bridge.md";
+
 #[derive(Args)]
 pub struct BridgeArgs {
     #[command(subcommand)]
@@ -42,6 +45,9 @@ pub struct ServeArgs {
     /// Configuration of the session; a cell with another task or arm is refused
     #[arg(long)]
     pub config: Option<PathBuf>,
+    /// End when the process that started this one ends
+    #[arg(long, hide = true, value_name = "PID")]
+    pub child: Option<u32>,
 }
 
 #[derive(Args)]
@@ -65,6 +71,9 @@ pub struct JoinArgs {
     /// Configuration of the controller; with it task and arm are compared with those of the learner
     #[arg(long)]
     pub config: Option<PathBuf>,
+    /// End when the process that started this one ends
+    #[arg(long, hide = true, value_name = "PID")]
+    pub child: Option<u32>,
 }
 
 #[derive(Args)]

@@ -104,6 +104,11 @@ impl Link {
         self.ports.is_some() && !self.is_silent && !self.is_pinned && self.latched == 0
     }
 
+    /// Its controller has been heard at some time.
+    pub fn is_heard(&self) -> bool {
+        self.controller.is_some()
+    }
+
     pub fn is_silent(&self) -> bool {
         self.is_silent
     }
