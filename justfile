@@ -17,4 +17,4 @@ fix:
 bridge:
     cargo clippy -p bridge --all-targets --features network --locked -- -D warnings
     cargo test -p bridge --features network --locked
-    cargo test --features bridge --locked --test ros2_live
+    cargo test --features bridge --locked --test ros2_live --test soak_across

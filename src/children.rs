@@ -1,6 +1,6 @@
 //! Child processes, as controller and learner: how they are named, started, watched and ended cleanly.
 
-use std::ffi::{OsStr, OsString};
+use std::ffi::OsStr;
 use std::io::{BufRead, BufReader};
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::{Path, PathBuf};
@@ -71,12 +71,12 @@ impl Service {
     /// Another program, in a process group of its own and with further variables in its environment.
     pub fn start_program(
         name: &'static str,
-        program: &[String],
+        program: &[impl AsRef<OsStr>],
         log: PathBuf,
-        environment: &[(&'static str, OsString)],
+        environment: &[(&str, impl AsRef<OsStr>)],
     ) -> Result<Service> {
         let (program, arguments) = program.split_first().context("a program has a name")?;
-        let arguments: Vec<&OsStr> = arguments.iter().map(OsStr::new).collect();
+        let arguments: Vec<&OsStr> = arguments.iter().map(AsRef::as_ref).collect();
         let set = |command: &mut Command| {
             command.envs(environment.iter().map(|(name, value)| (name, value))).process_group(0);
         };

@@ -25,6 +25,7 @@ fn tested_elsewhere(arguments: &[&str]) -> Option<&'static str> {
         // They need MuJoCo.
         ["learn", "custom", ..] => Some("tests/python.rs"),
         ["plant", ..] | ["controller", .., "external", "--pace", _] => Some("tests/plant.rs"),
+        ["soak", "--hosts", ..] => Some("tests/soak_across.rs"),
         ["soak", ..] => Some("tests/soak.rs"),
         // They need the feature `bridge`.
         ["bridge", "ros2", ..] => Some("tests/ros2_live.rs"),

@@ -166,7 +166,16 @@ const ROWS: [Row; 62] = [
     ("bench latency", &[(ERROR, "--seconds many")]),
     ("bench learner", &[(ERROR, "--seconds many")]),
     ("bench swap", &[(ERROR, "--swaps many")]),
-    ("soak", &[(ERROR, "--minutes 0"), (ERROR, "--minutes 1 --out file/below")]),
+    (
+        "soak",
+        &[
+            (ERROR, "--minutes 0"),
+            (ERROR, "--minutes 1 --out file/below"),
+            // Without the feature `bridge`, and with it.
+            (ERROR, "--hosts 3 --cells 1"),
+            (ERROR, "--hosts 3 --loss 2"),
+        ],
+    ),
     // With the feature `bridge` and without it.
     ("bridge serve", &[(ERROR, "--listen 0.0.0.0:7447 --allow kitchen")]),
     ("bridge join", &[(ERROR, "--connect nowhere --cell c9")]),

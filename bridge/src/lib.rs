@@ -28,9 +28,9 @@ pub mod live;
 pub mod message;
 #[cfg(feature = "network")]
 pub mod net;
-pub mod ros2;
 #[cfg(feature = "network")]
 mod relay;
+pub mod ros2;
 #[cfg(feature = "network")]
 mod said;
 #[cfg(feature = "network")]

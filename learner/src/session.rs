@@ -38,7 +38,7 @@ use news::News;
 const WAIT: Duration = Duration::from_millis(50);
 /// Between two looks for controllers that are to hear that the session is over, and how long to look for them.
 const LOOK: Duration = Duration::from_millis(5);
-const PARTING: Duration = Duration::from_millis(500);
+const PARTING: Duration = Duration::from_secs(1);
 /// What the disk refused is tried again after this long.
 const RETRY: Duration = Duration::from_secs(1);
 const WATCHDOG: Duration = Duration::from_secs(1);
@@ -152,7 +152,10 @@ impl Session<'_> {
     /// them now.
     fn part(&mut self) -> Result<(), SessionError> {
         let begun = Instant::now();
-        while self.links.iter().any(|link| !link.is_met()) && begun.elapsed() < PARTING {
+        while self.links.iter().any(|link| !link.is_met())
+            && begun.elapsed() < PARTING
+            && !self.is_stopped()
+        {
             self.look_around()?;
             std::thread::sleep(LOOK);
         }

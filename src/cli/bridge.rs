@@ -6,6 +6,8 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand};
 
 use super::CellArgs;
+/// What a build without the feature says.
+pub const NOT_BUILT: &str = "this build has no network: build it with `cargo build --release --features bridge`; see docs/bridge.md";
 
 #[derive(Args)]
 pub struct BridgeArgs {
@@ -46,6 +48,9 @@ pub struct ServeArgs {
     /// Configuration of the session; a cell with another task or arm is refused
     #[arg(long)]
     pub config: Option<PathBuf>,
+    /// End when the process that started this one ends
+    #[arg(long, hide = true, value_name = "PID")]
+    pub child: Option<u32>,
 }
 
 #[derive(Args)]
@@ -81,6 +86,9 @@ pub struct JoinArgs {
     /// Ticks a second that the learner's machine sees at most, while somebody watches there; 0: none
     #[arg(long, value_name = "HZ", default_value_t = 50, value_parser = clap::value_parser!(u64).range(0..=50))]
     pub telemetry: u64,
+    /// End when the process that started this one ends
+    #[arg(long, hide = true, value_name = "PID")]
+    pub child: Option<u32>,
 }
 
 #[derive(Args)]

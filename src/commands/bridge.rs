@@ -8,9 +8,7 @@ use crate::cli::bridge::BridgeArgs;
 #[cfg(not(feature = "bridge"))]
 pub fn run(args: &BridgeArgs) -> Result<Verdict> {
     let crate::cli::bridge::BridgeArgs { verb: _ } = args;
-    anyhow::bail!(
-        "this build has no network: build it with `cargo build --release --features bridge`; see docs/bridge.md"
-    )
+    anyhow::bail!(crate::cli::bridge::NOT_BUILT)
 }
 
 #[cfg(feature = "bridge")]
@@ -54,7 +52,7 @@ mod network {
 
     pub fn serve(args: &ServeArgs) -> Result<Verdict> {
         let config = Config::load(args.config.as_deref())?;
-        let stop = start(&config, args.config.as_deref())?;
+        let stop = start(args.child, &config, args.config.as_deref())?;
         if let Some(twice) = named_twice(&args.allow) {
             bail!("--allow {twice}: named twice");
         }
@@ -77,7 +75,7 @@ mod network {
 
     pub fn join(args: &JoinArgs) -> Result<Verdict> {
         let config = Config::load(args.config.as_deref())?;
-        let stop = start(&config, args.config.as_deref())?;
+        let stop = start(args.child, &config, args.config.as_deref())?;
         let join = JoinConfig {
             cell: Cell::new(args.cell.as_deref().unwrap_or(&config.cell.name))?,
             connect: args.connect.clone(),
@@ -155,11 +153,15 @@ mod network {
 
     /// As every service of a cell does. The loop keeps its core.
     fn start(
+        child: Option<u32>,
         config: &Config,
         path: Option<&Path>,
     ) -> Result<std::sync::Arc<std::sync::atomic::AtomicBool>> {
+        if let Some(parent) = child {
+            setup::end_with_parent(parent)?;
+        }
         leave_core(loop_core(config.controller.cpu)); // before a thread starts
-        let stop = stop_flag(Who::Service)?;
+        let stop = stop_flag(Who::service(child))?;
         // Of its every attempt the transport says what goes wrong, and much besides.
         let level = format!("{},zenoh=warn", config.log.level);
         let set_level = log::start(&LogConfig { level, ..config.log.clone() });

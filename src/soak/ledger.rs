@@ -60,20 +60,43 @@ impl Ledger {
 
 /// Boot ids by rollout.
 fn durable_episodes(log: &Path, session_id: u64) -> Result<BTreeMap<u64, Vec<u64>>> {
-    let text = std::fs::read_to_string(log).with_context(|| format!("{}", log.display()))?;
     let mut durable = BTreeMap::<u64, Vec<u64>>::new();
-    for line in text.lines().filter(|line| line.contains(DURABLE)) {
-        // The last line of a controller that was killed may be torn.
-        let Ok(line) = serde_json::from_str::<Value>(line) else { continue };
-        let field = |name: &str| line["fields"][name].as_u64();
-        if let (Some(session), Some(rollout), Some(boot)) =
-            (field("session"), field("rollout"), field("boot_id"))
-            && session == session_id
-        {
-            durable.entry(rollout).or_default().push(boot);
-        }
+    for episode in durable_in(log)?.into_iter().filter(|episode| episode.session == session_id) {
+        durable.entry(episode.rollout).or_default().push(episode.boot_id);
     }
     Ok(durable)
+}
+
+/// An episode that a controller made durable, by its log.
+pub struct Durable {
+    pub session: u64,
+    pub rollout: u64,
+    pub boot_id: u64,
+    /// As the log has it: times of one length, which sort as text.
+    pub at: String,
+}
+
+/// Everything that the controllers of a cell made durable.
+pub fn durable_in(log: &Path) -> Result<Vec<Durable>> {
+    let lines = log_lines(log, DURABLE)?;
+    let durable = |line: &Value| {
+        let field = |name: &str| line["fields"][name].as_u64();
+        let (session, rollout, boot_id) = (field("session")?, field("rollout")?, field("boot_id")?);
+        Some(Durable { session, rollout, boot_id, at: time_of(line) })
+    };
+    Ok(lines.iter().filter_map(durable).collect())
+}
+
+/// The lines of a log whose message contains `words`.
+pub fn log_lines(log: &Path, words: &str) -> Result<Vec<Value>> {
+    let text = std::fs::read_to_string(log).with_context(|| format!("{}", log.display()))?;
+    // The last line of a process that was killed may be torn.
+    let found = text.lines().filter(|line| line.contains(words));
+    Ok(found.filter_map(|line| serde_json::from_str(line).ok()).collect())
+}
+
+pub fn time_of(line: &Value) -> String {
+    line["timestamp"].as_str().unwrap_or_default().to_string()
 }
 
 #[cfg(test)]

@@ -10,6 +10,7 @@ mod cell;
 mod chaos;
 mod footprint;
 mod ledger;
+pub mod net;
 mod operator;
 mod ordeal;
 mod process;

@@ -1,6 +1,6 @@
 //! A service under test, and how soon it is up: by what it tells a service manager.
 
-use std::ffi::OsStr;
+use std::ffi::{OsStr, OsString};
 use std::os::unix::net::UnixDatagram;
 use std::path::{Path, PathBuf};
 use std::process::ExitStatus;
@@ -74,11 +74,32 @@ fn listen(inbox: &UnixDatagram, lines: &Sender<String>, over: &AtomicBool) {
 impl Process {
     /// Starts `skillet <arguments>`; `dir` holds its log and its notification socket.
     pub fn start(name: &'static str, arguments: &[&OsStr], dir: &Path) -> Result<Process> {
+        Process::managed(name, dir, |log, socket| {
+            Service::start_apart(name, arguments, log, &[("NOTIFY_SOCKET", socket)])
+        })
+    }
+
+    /// The same with another program, and with further variables in its environment.
+    pub fn start_program(
+        name: &'static str,
+        program: &[OsString],
+        dir: &Path,
+        environment: &[(&str, &OsStr)],
+    ) -> Result<Process> {
+        Process::managed(name, dir, |log, socket| {
+            let environment = [environment, &[("NOTIFY_SOCKET", socket)]].concat();
+            Service::start_program(name, program, log, &environment)
+        })
+    }
+
+    fn managed(
+        name: &'static str,
+        dir: &Path,
+        start: impl FnOnce(PathBuf, &OsStr) -> Result<Service>,
+    ) -> Result<Process> {
         let manager = Manager::start(dir.join(format!("{name}.notify")))?;
-        let log = dir.join(format!("{name}.log"));
-        let environment = [("NOTIFY_SOCKET", manager.socket.as_os_str())];
         let started = Instant::now();
-        let service = Service::start_apart(name, arguments, log, &environment)?;
+        let service = start(dir.join(format!("{name}.log")), manager.socket.as_os_str())?;
         Ok(Process { service, manager, started })
     }
 

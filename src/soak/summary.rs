@@ -192,12 +192,12 @@ fn outcome_json(tally: &Tally) -> Value {
     })
 }
 
-fn times(times: &[Duration]) -> String {
+pub fn times(times: &[Duration]) -> String {
     let [p50, p99, max] = percentiles(times);
     format!("p50 {p50:.0}, p99 {p99:.0}, max {max:.0} ms (n = {})", times.len())
 }
 
-fn times_json(times: &[Duration]) -> Value {
+pub fn times_json(times: &[Duration]) -> Value {
     let [p50, p99, max] = percentiles(times);
     json!({ "p50": p50, "p99": p99, "max": max })
 }

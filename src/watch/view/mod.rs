@@ -229,7 +229,10 @@ mod tests {
         assert!(text(&asked).contains("policy number: 12"));
         model.bridged = Some(Bridged { host: "arm-1".into(), hz: 50 });
         let bridged = text(&drawn(&model, &Prompt::None, size));
-        assert!(bridged.contains("through the bridge to arm-1, 50 Hz, not every tick"), "{bridged}");
+        assert!(
+            bridged.contains("through the bridge to arm-1, 50 Hz, not every tick"),
+            "{bridged}"
+        );
         assert!(!bridged.contains("ticks missed"), "{bridged}");
         model.vitals.look(); // nobody holds a lock
         assert!(text(&drawn(&model, &Prompt::None, size)).contains("no controller for"));
