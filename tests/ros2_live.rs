@@ -27,7 +27,7 @@ impl Reader {
         let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/read_ros_graph.py");
         let mut command = Command::new(python);
         command.arg(script).args([&port.to_string(), domain, namespace]);
-        // pyzeros compiles its decoders once, which takes a minute on a busy host.
+        // pyzeros leaves a folder somewhere.
         command.env("CYDR_CACHE_DIR", Path::new(env!("CARGO_TARGET_TMPDIR")).join("cydr"));
         let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
         let lines = BufReader::new(child.stdout.take().unwrap());
