@@ -7,10 +7,11 @@ use std::sync::mpsc::channel;
 use std::time::{Duration, Instant};
 
 use common::{episode, meta, value_judge};
-use learner::session::{self, End};
+use learner::session::{self, Cells, End};
 use learner::{Learner, LearnerConfig};
 use shm_types::SCHEMA;
 use shm_types::cell::Cell;
+use shm_types::equipment::Equipment;
 use shm_types::ports::ControllerPorts;
 use shm_types::telemetry::Heartbeat;
 use tempfile::TempDir;
@@ -58,7 +59,8 @@ fn a_session_that_is_done_says_once_more_what_is_durable() {
         false
     });
     up.recv().unwrap();
-    let cells = vec![("kitchen".to_string(), cell)];
+    let named = vec![("kitchen".to_string(), cell)];
+    let cells = Cells { named, wanted: Equipment::UNKNOWN };
     let stop = AtomicBool::new(false);
     let end = session::run(cells, &mut learner, true, &stop, &mut |_| {}).unwrap();
     assert_eq!(end, End::Done);

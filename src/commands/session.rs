@@ -9,7 +9,7 @@ use learner::summary::Summary;
 use serde_json::{Value, json};
 
 use super::modes;
-use super::report::open;
+use super::stored::open;
 use crate::cli::session::{SessionArgs, SessionVerb};
 use crate::config::Config;
 use crate::output::{print, print_json};

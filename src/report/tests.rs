@@ -63,7 +63,7 @@ fn a_task_without_pictures_shows_its_measures() {
 }
 
 /// What HTML leaves open: elements without an end.
-const VOID: [&str; 3] = ["meta", "link", "input", "!DOCTYPE"];
+const VOID: [&str; 4] = ["meta", "link", "input", "!DOCTYPE"];
 
 /// Asserts that every element ends, within the one it began in.
 fn assert_nested(text: &str) {

@@ -207,6 +207,7 @@ mod tests {
         let space = Space::white(DVector::from_vec(vec![8.0, 2.0]));
         for (name, contender) in CONTENDERS.iter().copied() {
             for setting in 0..N_SETTINGS {
+                #[cfg_attr(not(feature = "baselines"), expect(irrefutable_let_patterns))]
                 if let Contender::Search(method) = contender {
                     let config = Draw::new(setting, TEN_WIDE).search(method);
                     config.validate().unwrap_or_else(|error| panic!("{name} {setting}: {error}"));
