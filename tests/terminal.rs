@@ -4,6 +4,7 @@ mod util;
 
 use std::fs::{File, OpenOptions};
 use std::io::Read;
+use std::os::fd::OwnedFd;
 use std::os::unix::fs::OpenOptionsExt;
 use std::process::Command;
 
@@ -11,26 +12,36 @@ use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{Winsize, tcsetwinsize};
 use util::{Bench, Running, eventually};
 
-/// Runs `skillet <arguments>` on a terminal of its own; returns what it showed.
-fn on_terminal(bench: &Bench, arguments: &[&str], change: impl Fn(&mut Command)) -> String {
+/// A terminal, and how the program in it opens its end.
+fn terminal() -> (OwnedFd, impl Fn() -> File) {
     let host = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
     grantpt(&host).unwrap();
     unlockpt(&host).unwrap();
     let size = Winsize { ws_row: 30, ws_col: 90, ws_xpixel: 0, ws_ypixel: 0 };
     tcsetwinsize(&host, size).unwrap();
     let name = ptsname(&host, Vec::new()).unwrap().into_string().unwrap();
-    let open = || {
+    let open = move || {
         let flags = OpenptFlags::NOCTTY.bits() as i32;
         OpenOptions::new().read(true).write(true).custom_flags(flags).open(&name).unwrap()
     };
+    (host, open)
+}
+
+/// Starts `skillet <arguments>` on a terminal of its own.
+fn start(bench: &Bench, arguments: &[&str], change: impl Fn(&mut Command)) -> (File, Running) {
+    let (host, open) = terminal();
     let mut command = bench.skillet(arguments);
     command.stdin(open()).stdout(open()).stderr(open());
     command.env_remove("NO_COLOR");
     change(&mut command);
-    let running = Running::start(&mut command);
-    drop(command);
+    (File::from(host), Running::start(&mut command))
+}
+
+/// Runs `skillet <arguments>` on a terminal of its own; returns what it showed.
+fn on_terminal(bench: &Bench, arguments: &[&str], change: impl Fn(&mut Command)) -> String {
+    let (mut host, running) = start(bench, arguments, change);
     let reader = std::thread::spawn(move || {
-        let (mut host, mut shown, mut some) = (File::from(host), Vec::new(), [0; 4096]);
+        let (mut shown, mut some) = (Vec::new(), [0; 4096]);
         // It fails, once nobody has the other end any more.
         while let Ok(n @ 1..) = host.read(&mut some) {
             shown.extend_from_slice(&some[..n]);
@@ -80,6 +91,18 @@ fn a_dumb_terminal_gets_no_escape_sequences() {
         command.env_remove("TERM");
     });
     assert!(!shown.contains('\x1b') && shown.contains("controller running"), "{shown:?}");
+}
+
+#[test]
+fn the_view_of_a_terminal_that_is_gone_ends() {
+    let (bench, _controller) = cell();
+    let (mut host, running) = start(&bench, &["watch", "--cell", "c1"], |command| {
+        command.env("TERM", "xterm-256color");
+    });
+    // It has drawn something.
+    assert!(host.read(&mut [0; 4096]).unwrap() > 0);
+    drop(host);
+    running.wait();
 }
 
 #[test]
