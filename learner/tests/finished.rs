@@ -10,7 +10,7 @@ use common::{episode, meta, value_judge};
 use learner::session::{self, Cells, End};
 use learner::{Learner, LearnerConfig};
 use shm_types::SCHEMA;
-use shm_types::cell::Cell;
+use shm_types::cell::{Cell, Role};
 use shm_types::equipment::Equipment;
 use shm_types::ports::ControllerPorts;
 use shm_types::telemetry::Heartbeat;
@@ -41,6 +41,7 @@ fn a_session_that_is_done_says_once_more_what_is_durable() {
     let (is_up, up) = channel();
     let its = cell.clone();
     let controller = std::thread::spawn(move || {
+        let _lock = its.lock(Role::Controller).unwrap();
         let ports = ControllerPorts::create(&its).unwrap();
         is_up.send(()).unwrap();
         let (start, mut counter) = (Instant::now(), 0);

@@ -2,6 +2,7 @@
 
 use std::ffi::{OsStr, OsString};
 use std::fs::{self, File};
+use std::os::fd::AsFd;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -78,11 +79,8 @@ impl Host {
         let path = Path::new(NAMESPACES).join(&self.namespace);
         let namespace = File::open(&path).with_context(|| format!("{}", path.display()))?;
         let enter = || {
-            move_into_link_name_space(
-                std::os::fd::AsFd::as_fd(&namespace),
-                Some(LinkNameSpaceType::Network),
-            )
-            .with_context(|| format!("entering {}", path.display()))?;
+            move_into_link_name_space(namespace.as_fd(), Some(LinkNameSpaceType::Network))
+                .with_context(|| format!("entering {}", path.display()))?;
             work()
         };
         std::thread::scope(|scope| scope.spawn(enter).join().ok().context("a thread panicked"))?

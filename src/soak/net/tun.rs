@@ -3,11 +3,10 @@
 
 #![allow(unsafe_code)] // TUNSETIFF has no safe wrapper
 
-use std::fs::{File, OpenOptions};
+use std::fs::File;
 use std::io;
-use std::os::unix::fs::OpenOptionsExt;
 
-use rustix::fs::OFlags;
+use rustix::fs::{Mode, OFlags, open};
 use rustix::ioctl::{Opcode, Updater, ioctl, opcode};
 
 const DEVICE: &str = "/dev/net/tun";
@@ -30,8 +29,8 @@ pub fn make(name: &str) -> io::Result<File> {
     let mut request = Request { name: [0; NAME_LEN], flags: IFF_TUN | IFF_NO_PI, rest: [0; 22] };
     // One byte stays 0: the kernel wants an end.
     request.name.iter_mut().take(NAME_LEN - 1).zip(name.bytes()).for_each(|(to, from)| *to = from);
-    let nonblocking = OFlags::NONBLOCK.bits() as i32;
-    let file = OpenOptions::new().read(true).write(true).custom_flags(nonblocking).open(DEVICE)?;
+    let flags = OFlags::RDWR | OFlags::NONBLOCK | OFlags::CLOEXEC;
+    let file = File::from(open(DEVICE, flags, Mode::empty())?);
     // SAFETY: TUNSETIFF reads and writes a `struct ifreq`, which `Request` is in layout and size.
     unsafe { ioctl(&file, Updater::<TUNSETIFF, Request>::new(&mut request))? };
     Ok(file)
