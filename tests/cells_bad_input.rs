@@ -109,7 +109,8 @@ fn a_cell_with_another_task_is_waited_for() {
 fn trials_know_the_arm_and_the_plant_of_their_cell() {
     let bench = Bench::new();
     bench.ok(&["learn", "pancake", "--cells", "2", "--rollouts", "12", "--out", "s"]);
-    let rows: Vec<Value> = serde_json::from_str(&bench.ok(&["trials", "s", "--json"])).unwrap();
+    let found: Value = serde_json::from_str(&bench.ok(&["trials", "s", "--json"])).unwrap();
+    let rows = found["trials"].as_array().unwrap();
     let cells = bench.store("s").cells().unwrap();
     assert_eq!(cells.len(), 2, "{cells:?}");
     assert!(cells.iter().all(|cell| cell.urdf_sha256.len() == 64), "{cells:?}");

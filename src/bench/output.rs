@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 
 use super::table::table;
 use super::{Bench, Row, page};
+use crate::fields;
 use crate::host::Host;
 
 pub fn as_json(bench: &Bench, host: &Host, rows: &[Row]) -> Value {
@@ -44,7 +45,7 @@ pub fn as_text(host: &Host, rows: &[Row]) -> String {
 pub fn write(folder: &Path, bench: &Bench, host: &Host, rows: &[Row]) -> Result<()> {
     std::fs::create_dir_all(folder)
         .with_context(|| format!("{}: cannot create the folder", folder.display()))?;
-    let json = serde_json::to_string_pretty(&as_json(bench, host, rows))? + "\n";
+    let json = format!("{:#}\n", fields::versioned(&as_json(bench, host, rows))?);
     for (extension, text) in [("json", json), ("html", page::html(bench, host, rows))] {
         let path = folder.join(format!("{}.{extension}", bench.name));
         std::fs::write(&path, text)
