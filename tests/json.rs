@@ -90,7 +90,10 @@ fn others(bench: &Bench) -> Vec<(&'static str, Vec<Value>)> {
 fn stage() -> (Bench, util::Running) {
     let bench = Bench::new();
     bench.ok(&["learn", "pancake", "--seed", "7", "--rollouts", "25", "--out", "s"]);
-    bench.write("rated.toml", "[learner]\nrollouts = 3\n[learner.people]\nweight = 0.5\n");
+    bench.write(
+        "rated.toml",
+        "[learner]\nrollouts = 3\n[learner.people]\nweight = 0.5\nwait = false\n",
+    );
     let rated = ["learn", "pancake", "--config", "rated.toml", "--out", "rated"];
     bench.ok(&rated);
     bench.write("few.toml", "[learner]\nrollouts = 2\n");

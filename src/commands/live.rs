@@ -160,7 +160,7 @@ pub fn list(cell: &NamedCell, as_json: bool) -> Result<Verdict> {
                 "components": policy.n_components,
                 "systems": policy.n_systems,
                 "task_dim": policy.task_dim,
-                "duration_s": policy.duration_s,
+                "duration_s": fields::short(json!(policy.duration_s)),
                 "remarks": remarks(policy),
             })
         };
