@@ -45,7 +45,7 @@ pub fn as_text(host: &Host, rows: &[Row]) -> String {
 pub fn write(folder: &Path, bench: &Bench, host: &Host, rows: &[Row]) -> Result<()> {
     std::fs::create_dir_all(folder)
         .with_context(|| format!("{}: cannot create the folder", folder.display()))?;
-    let json = format!("{:#}\n", fields::versioned(&as_json(bench, host, rows))?);
+    let json = format!("{:#}\n", fields::versioned(&fields::short(as_json(bench, host, rows)))?);
     for (extension, text) in [("json", json), ("html", page::html(bench, host, rows))] {
         let path = folder.join(format!("{}.{extension}", bench.name));
         std::fs::write(&path, text)
