@@ -49,11 +49,18 @@ class TelemetryTick(ctypes.Structure):
 
 
 class Telemetry(ctypes.Structure):
-    _fields_ = [("schema", U64), ("lost", U64), ("n_ticks", U64), ("ticks", TelemetryTick * 20)]
+    _fields_ = [
+        ("schema", U64),
+        ("lost", U64),
+        ("n_ticks", U64),
+        ("via", ctypes.c_uint8 * 64),
+        ("via_hz", U64),
+        ("ticks", TelemetryTick * 20),
+    ]
 
     @staticmethod
     def type_name() -> str:
-        return "skillet/Telemetry/2"
+        return "skillet/Telemetry/3"
 
 
 def runtime_dir() -> Path:

@@ -53,9 +53,9 @@ fn with_values(command: Command) -> Command {
 fn with_value(command: &str, arg: Arg) -> Arg {
     match (command, arg.get_id().as_str()) {
         (_, "cell") | ("up" | "down", "name") => arg.add(ArgValueCandidates::new(cells)),
-        (_, "session" | "again") | ("export" | "import", "from") | ("convert", "input") => {
-            arg.add(ArgValueCompleter::new(sessions))
-        }
+        (_, "session" | "sessions" | "again")
+        | ("export" | "import", "from")
+        | ("convert", "input") => arg.add(ArgValueCompleter::new(sessions)),
         ("show" | "forbid" | "allow", "policy") => arg.add(ArgValueCompleter::new(sessions)),
         ("study", "name") => arg.add(ArgValueCandidates::new(studies)),
         ("serve", "task") => arg.add(ArgValueCandidates::new(task_names)),

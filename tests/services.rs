@@ -145,7 +145,7 @@ fn an_episode_survives_the_death_of_both() {
     let learner = [&learner[..], &[config.to_str().unwrap()]].concat();
     let running = bench.start(&learner);
     eventually("the second rollout", || {
-        status(&bench).filter(|s| s["rollout"] == 1 && s["rollouts_done"] == 1)?;
+        status(&bench).filter(|s| s["policy"]["rollout"] == 1 && s["rollouts_done"] == 1)?;
         status(&bench).filter(|status| status["phase"] == "execute")
     });
     kill(running.pid(), "KILL");

@@ -54,8 +54,9 @@ fn ready_files_name_what_is_there() {
 #[test]
 fn every_task_and_every_arm_has_a_ready_file() {
     let bench = Bench::new();
-    let tasks: Vec<Value> = serde_json::from_str(&bench.ok(&["task", "list", "--json"])).unwrap();
-    for task in tasks.iter().map(|task| task["name"].as_str().unwrap()) {
+    let listed: Value = serde_json::from_str(&bench.ok(&["task", "list", "--json"])).unwrap();
+    let tasks = listed["tasks"].as_array().unwrap();
+    for task in tasks.iter().map(|task| task["task"].as_str().unwrap()) {
         assert!(root().join(format!("config/{task}.toml")).is_file(), "{task}");
     }
     for arm in ["panda", "iiwa14", "xarm7", "ur10e"] {

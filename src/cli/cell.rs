@@ -31,7 +31,7 @@ pub enum CellVerb {
 #[command(after_help = "\
 Examples:
   skillet cell up kitchen                            learns pancake into sessions/kitchen
-  skillet cell up kitchen --task archery --pace max
+  skillet cell up kitchen --config my.toml --pace max
   skillet cell up grill --config config/pancake.toml --session s7
   skillet cell up serving --no-learner               serves policies only
 

@@ -182,20 +182,28 @@ fn arm(status: &Status) -> String {
     }
 }
 
-fn as_text(cell: &Cell, reply: &Reply, faults_dir: &Path) -> String {
-    let status = &reply.status;
-    let bridge = match reply.via() {
+/// The bridge that the reply passed, as a line.
+fn way(reply: &Reply) -> String {
+    match reply.via() {
         Some(host) => format!("controller  on {host}, through the bridge, as of the last 2 s\n"),
         None => String::new(),
-    };
-    let us = |ns: u64| ns as f64 * 1e-3;
-    let pace = match (status.pace, status.privileged) {
+    }
+}
+
+fn pace(status: &Status) -> &'static str {
+    match (status.pace, status.privileged) {
         (PACE_MAX, _) => "as fast as the simulation allows",
         (PACE_PLANT, 1) => "paced by the plant, SCHED_FIFO",
         (PACE_PLANT, _) => "paced by the plant, without real-time priority",
         (_, 1) => "real time, SCHED_FIFO",
         (_, _) => "real time, without real-time priority",
-    };
+    }
+}
+
+fn as_text(cell: &Cell, reply: &Reply, faults_dir: &Path) -> String {
+    let status = &reply.status;
+    let (bridge, pace) = (way(reply), pace(status));
+    let us = |ns: u64| ns as f64 * 1e-3;
     let learner = match learner_age_s(status) {
         Some(age) => format!("last heartbeat {age:.1} s ago"),
         None => "none".into(),
