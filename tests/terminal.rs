@@ -14,7 +14,7 @@ use util::{Bench, Running, eventually};
 
 /// A terminal, and how the program in it opens its end.
 fn terminal() -> (OwnedFd, impl Fn() -> File) {
-    let host = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
+    let host = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
     grantpt(&host).unwrap();
     unlockpt(&host).unwrap();
     let size = Winsize { ws_row: 30, ws_col: 90, ws_xpixel: 0, ws_ypixel: 0 };

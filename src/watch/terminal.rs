@@ -70,7 +70,8 @@ pub fn run(
             Err(error) => break Err(error),
         }
     };
-    ratatui::restore();
+    // A terminal that is gone cannot be restored.
+    let _ = ratatui::try_restore();
     result
 }
 
