@@ -7,11 +7,11 @@
 
 use shm_types::SCHEMA;
 use shm_types::command::Command;
-use shm_types::episode::Ack;
 use shm_types::policy::PolicyMsg;
 use shm_types::telemetry::Heartbeat;
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
+use crate::acks::Acks;
 use crate::command::check_command;
 use crate::turn::{MessageError, Prefix, Seen};
 
@@ -42,8 +42,8 @@ pub struct AnswerHead {
     pub learner_is_there: u64,
     /// Its newest heartbeat; `schema` 0 before the first.
     pub learner: Heartbeat,
-    /// Its newest acknowledgement; `schema` 0 before the first.
-    pub ack: Ack,
+    /// What it has acknowledged.
+    pub acks: Acks,
     /// What the cell has seen with this answer.
     pub seen: Seen,
     /// 1: somebody looks at the loop from there.
@@ -83,9 +83,10 @@ impl Answer {
         let length = MessageError::Length { len: bytes.len() };
         let rest = Prefix::take(bytes)?;
         let Ok((head, rest)) = AnswerHead::read_from_prefix(rest) else { return Err(length) };
-        let is_ours = |schema: u64| schema == 0 || schema == SCHEMA;
-        if !is_ours(head.ack.schema) || !is_ours(head.learner.schema) {
-            return Err(MessageError::Schema { found: head.ack.schema.max(head.learner.schema) });
+        let is_foreign = |schema: &u64| ![0, SCHEMA].contains(schema);
+        let of_learner = Some(head.learner.schema).filter(is_foreign);
+        if let Some(found) = of_learner.or(head.acks.foreign_schema()) {
+            return Err(MessageError::Schema { found });
         }
         if !head.learner.equipment.is_valid() {
             return Err(MessageError::Text);
@@ -112,25 +113,24 @@ impl Answer {
         };
         Ok(Answer { head, policy, command })
     }
-
-    pub fn ack(&self) -> Option<Ack> {
-        (self.head.ack.schema == SCHEMA).then_some(self.head.ack)
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use shm_types::command::{COMMAND_HOLD, COMMAND_STOP};
+    use shm_types::episode::Ack;
 
     use super::*;
 
     fn head() -> AnswerHead {
+        let mut acks = Acks::NONE;
+        acks.take(Ack { schema: SCHEMA, session: 3, durable_rollout: 1, rollout: 1, success: 1 });
         AnswerHead {
             verdict: VERDICT_DURABLE,
             session: 3,
             learner_is_there: 1,
             learner: Heartbeat { schema: SCHEMA, boot_id: 1, counter: 2, ..Heartbeat::NONE },
-            ack: Ack { schema: SCHEMA, session: 3, durable_rollout: 1, rollout: 1, success: 1 },
+            acks,
             seen: Seen { hub: 1, policy: 2, ack: 3 },
             watched: 1,
             has_policy: 0,

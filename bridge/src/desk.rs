@@ -3,16 +3,16 @@
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-use shm_types::SCHEMA;
 use shm_types::cell::{Cell, CellLock, Role};
 use shm_types::channel::ChannelError;
 use shm_types::command::{COMMAND_STATUS, Command, Reply, Status};
-use shm_types::episode::{Ack, EpisodeHeader};
+use shm_types::episode::EpisodeHeader;
 use shm_types::policy::{PolicyMsg, PolicyName};
 use shm_types::ports::ControllerPorts;
 use shm_types::telemetry::{Heartbeat, Telemetry};
 use shm_types::text;
 
+use crate::acks::Acks;
 use crate::answer::{
     AnswerHead, VERDICT_ASKED_AGAIN, VERDICT_DURABLE, VERDICT_FOREIGN, VERDICT_PENDING,
 };
@@ -43,7 +43,7 @@ pub(crate) struct Desk {
     learner: Heartbeat,
     learner_heard: Option<Instant>,
     asked: Option<Box<PolicyMsg>>,
-    ack: Ack,
+    acks: Acks,
     /// What there is, counted.
     seen: Seen,
     handed_in: Option<HandedIn>,
@@ -64,7 +64,7 @@ impl Desk {
             learner: Heartbeat::NONE,
             learner_heard: None,
             asked: None,
-            ack: Ack::NONE,
+            acks: Acks::NONE,
             seen: Seen { hub, policy: 0, ack: 0 },
             handed_in: None,
             outcomes: VecDeque::new(),
@@ -103,10 +103,7 @@ impl Desk {
             }
         }
         while let Ok(Some(ack)) = ports.acks.receive() {
-            if ack.schema == SCHEMA && *ack != self.ack {
-                self.ack = *ack;
-                self.seen.ack += 1;
-            }
+            self.seen.ack += u64::from(self.acks.take(*ack));
         }
         while let Ok(Some(beat)) = ports.learner_beat.receive() {
             if beat.is_valid() && *beat != self.learner {
@@ -204,7 +201,7 @@ impl Desk {
     /// What the learner has said to an episode, by `VERDICT_*`.
     pub fn verdict(&mut self, episode: &Episode) -> u64 {
         let (session, rollout) = (episode.header.session, episode.header.rollout);
-        if self.ack.schema == SCHEMA && self.ack.covers(session, rollout) {
+        if self.acks.covers(session, rollout) {
             return VERDICT_DURABLE;
         }
         if self.session() != 0 && self.session() != session {
@@ -221,7 +218,10 @@ impl Desk {
 
     /// The learner's, or 0 while it has said nothing.
     pub fn session(&self) -> u64 {
-        self.asked.as_ref().map_or(self.ack.session, |asked| asked.session)
+        match &self.asked {
+            Some(asked) => asked.session,
+            None => self.acks.newest().map_or(0, |ack| ack.session),
+        }
     }
 
     /// The answer for a cell that has `seen` so much, with a `command` and its number.
@@ -233,7 +233,7 @@ impl Desk {
             session: self.session(),
             learner_is_there: u64::from(is_there),
             learner: self.learner,
-            ack: self.ack,
+            acks: self.acks,
             seen: self.seen,
             watched: u64::from(self.is_watched()),
             has_policy: 0,
@@ -242,7 +242,7 @@ impl Desk {
         let is_news = seen.hub != self.seen.hub || seen.policy != self.seen.policy;
         // What is durable need not be executed.
         let is_open =
-            |asked: &&PolicyMsg| is_news && !self.ack.covers(asked.session, asked.rollout);
+            |asked: &&PolicyMsg| is_news && !self.acks.covers(asked.session, asked.rollout);
         head.encode(self.asked.as_deref().filter(is_open), command)
     }
 }

@@ -307,9 +307,7 @@ impl Join<'_> {
         if seen.hub == had.hub && (seen.policy < had.policy || seen.ack < had.ack) {
             return; // overtaken by the answer to the other turn
         }
-        if let Some(ack) = answer.ack() {
-            self.seat.acknowledge(ack);
-        }
+        self.seat.acknowledge(&answer.head.acks);
         self.seen = seen;
         let is_news = (seen.hub, seen.policy) != (had.hub, had.policy);
         if let Some(policy) = answer.policy.filter(|_| is_news) {

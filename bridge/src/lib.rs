@@ -10,6 +10,7 @@
 //!
 //! Only the messages are built without the feature `network`.
 
+pub mod acks;
 pub mod answer;
 pub mod backoff;
 pub mod command;

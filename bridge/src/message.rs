@@ -10,7 +10,7 @@ use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 /// Read as another number on a machine of the other byte order.
 const MAGIC: u64 = u64::from_le_bytes(*b"SKBRIDGE");
 /// Of turns and answers. Message layouts have a hash of their own, [`SCHEMA`].
-pub const VERSION: u64 = 2;
+pub const VERSION: u64 = 3;
 
 /// What every message begins with.
 #[derive(Clone, Copy, Debug, PartialEq, IntoBytes, FromBytes, Immutable, KnownLayout)]

@@ -11,6 +11,7 @@ use shm_types::policy::PolicyMsg;
 use shm_types::ports::{LearnerPorts, ToolPorts};
 use shm_types::telemetry::Heartbeat;
 
+use crate::acks::Acks;
 use crate::turn::Episode;
 
 /// Age of a heartbeat after which a controller is not told of any more.
@@ -31,7 +32,7 @@ pub(crate) struct Seat {
     heard: Option<Instant>,
     /// The newest of the learner, for a controller that restarts.
     policy: Option<Box<PolicyMsg>>,
-    ack: Option<Ack>,
+    acks: Acks,
     beats: u64,
     /// What the controller says of itself, and how it is asked.
     status: Status,
@@ -49,7 +50,7 @@ impl Seat {
             controller: Heartbeat::NONE,
             heard: None,
             policy: None,
-            ack: None,
+            acks: Acks::NONE,
             beats: 0,
             status: Status::ZERO,
             tool: None,
@@ -125,10 +126,19 @@ impl Seat {
         }
     }
 
-    pub fn acknowledge(&mut self, ack: Ack) {
-        if self.ack != Some(ack) {
-            self.ack = Some(ack);
-            self.publish(|ports| ports.acks.send_copy(ack).map(drop));
+    /// Says what is new in it, that of the learner's session last. A hub that was restarted knows less: what is
+    /// durable stays so.
+    pub fn acknowledge(&mut self, acks: &Acks) {
+        let had = self.acks;
+        for ack in acks.iter() {
+            self.acks.take(ack);
+        }
+        if self.acks != had {
+            let is_news = |ack: &Ack| had.iter().all(|one| one != *ack);
+            let newest = acks.newest();
+            for ack in acks.iter().filter(|ack| is_news(ack) || newest == Some(*ack)) {
+                self.publish(|ports| ports.acks.send_copy(ack).map(drop));
+            }
         }
     }
 
@@ -140,10 +150,10 @@ impl Seat {
 
     /// Says everything to a controller that has just come.
     fn publish_all(&mut self) {
-        if let Some(ack) = self.ack {
+        for ack in self.acks.iter() {
             self.publish(|ports| ports.acks.send_copy(ack).map(drop));
-            self.policy.take_if(|asked| ack.covers(asked.session, asked.rollout));
         }
+        self.policy.take_if(|asked| self.acks.covers(asked.session, asked.rollout));
         if let Some(policy) = self.policy.as_deref().copied() {
             self.publish(|ports| ports.policies.send_copy(policy).map(drop));
         }

@@ -13,11 +13,12 @@ use bridge::hub::{self, HubConfig};
 use ends::{
     Executed, Machines, Running, SESSION, TICK, controller, has, header_of, learner, policy,
 };
-use shm_types::cell::Cell;
+use shm_types::SCHEMA;
+use shm_types::cell::{Cell, Role};
 use shm_types::channel::ChannelError;
 use shm_types::command::{ACCEPTED, COMMAND_HOLD, Command as ToolCommand};
-use shm_types::episode::EpisodeHeader;
-use shm_types::ports::ToolPorts;
+use shm_types::episode::{Ack, EpisodeHeader};
+use shm_types::ports::{LearnerPorts, ToolPorts};
 
 const AT_ONCE: Duration = Duration::ZERO;
 /// Longest wait for an answer.
@@ -223,6 +224,43 @@ fn an_episode_of_another_session_stays_in_the_spool() {
     executed.until("and it stays alone", |executed| executed.spool.len() == 1);
     assert_eq!(learnt.look(|learnt| learnt.foreign), 0);
     each_once(&executed, 3);
+}
+
+/// While a cell is cut off its learner may go through sessions. What they acknowledge comes to it all the same.
+#[test]
+fn what_earlier_sessions_acknowledge_meanwhile_leaves_the_spool() {
+    let machines = Machines::new();
+    let of = |session| EpisodeHeader { session, ..header_of(&policy(9), 11) };
+    let executed = controller(machines.cell("cell", "kitchen"), 11, Some(of(0x01d)));
+    for session in [0x02d, 0x03d] {
+        executed.state.lock().unwrap().spool.insert((session, 9), of(session));
+    }
+    let _hub = machines.hub(1, &["kitchen"], None);
+    let bridge = machines.join(2, machines.cell("cell", "kitchen"), None);
+    let learnt = learner(machines.cell("hub", "kitchen"), 1, AT_ONCE);
+    learnt.until("its rollout is learnt", |learnt| learnt.episodes.len() == 1);
+    executed.until("it is acknowledged", |executed| executed.spool.len() == 3);
+    drop((learnt, bridge));
+    acknowledge(&machines.cell("hub", "kitchen"), &[0x01d, 0x02d, SESSION]);
+    let learnt = learner(machines.cell("hub", "kitchen"), 2, AT_ONCE);
+    let _bridge = machines.join(3, machines.cell("cell", "kitchen"), None);
+    learnt.until("the next session goes on", |learnt| learnt.episodes.contains_key(&2));
+    executed.until("only what nobody has learnt is left", |executed| {
+        executed.spool.keys().eq([&(0x03d, 9)])
+    });
+}
+
+/// Learners of these sessions come one after the other, say what is durable, and go.
+fn acknowledge(cell: &Cell, sessions: &[u64]) {
+    let _lock = cell.lock(Role::Learner).unwrap();
+    let ports = LearnerPorts::open(cell, SOON, &|| false).unwrap();
+    for session in sessions {
+        let durable_rollout = if *session == SESSION { 1 } else { 9 };
+        let rollout = durable_rollout;
+        let ack = Ack { schema: SCHEMA, session: *session, durable_rollout, rollout, success: 0 };
+        ports.acks.send_copy(ack).unwrap();
+        std::thread::sleep(Duration::from_millis(100));
+    }
 }
 
 #[test]

@@ -252,7 +252,8 @@ pub(crate) fn commands(node: &Node<Ipc>, door: Door) -> Result<Commands, Channel
 
 pub(crate) const POLICY_QOS: Qos =
     Qos { history: 1, buffer: 2, publishers: PLACES, subscribers: 2 };
-pub(crate) const ACK_QOS: Qos = Qos { history: 1, buffer: 2, publishers: PLACES, subscribers: 1 };
+/// A bridge that was cut off says what is durable of several sessions at once.
+pub(crate) const ACK_QOS: Qos = Qos { history: 1, buffer: 16, publishers: PLACES, subscribers: 1 };
 pub(crate) const TELEMETRY_QOS: Qos =
     Qos { history: 0, buffer: 64, publishers: PLACES, subscribers: 16 };
 pub(crate) const IN_LOOP_QOS: Qos =

@@ -17,8 +17,8 @@ pub(crate) struct LearnerLink {
     /// Newest session and rollout reported, and what the learner has acknowledged.
     reported: PolicyName,
     acknowledged: Ack,
-    /// It has changed since the last look.
-    has_news: bool,
+    /// What came since the last look; a bridge that was cut off has some of several sessions.
+    news: Vec<Ack>,
     /// Received, not yet handed to the loop.
     pub proposal: Option<PolicyMsg>,
 }
@@ -31,7 +31,7 @@ impl LearnerLink {
             mute: None,
             reported: PolicyName::NONE,
             acknowledged: Ack::NONE,
-            has_news: false,
+            news: Vec::new(),
             proposal: None,
         }
     }
@@ -48,12 +48,15 @@ impl LearnerLink {
         while let Ok(Some(ack)) = ports.acks.receive() {
             if ack.schema == SCHEMA {
                 self.acknowledged = *ack;
-                self.has_news = true;
+                self.news.push(*ack);
             }
         }
         // Asked for by a learner that has taken its episode since.
-        let acknowledged = self.acknowledged;
-        self.proposal.take_if(|asked| acknowledged.covers(asked.session, asked.rollout));
+        let is_durable = |asked: &mut PolicyMsg| {
+            let acks = self.news.iter().chain([&self.acknowledged]);
+            acks.into_iter().any(|ack| ack.covers(asked.session, asked.rollout))
+        };
+        self.proposal.take_if(is_durable);
         while let Ok(Some(beat)) = ports.learner_beat.receive() {
             if beat.is_valid() && self.seen.is_none_or(|(last, _)| last != *beat) {
                 self.seen = Some((*beat, Instant::now()));
@@ -67,9 +70,9 @@ impl LearnerLink {
         self.reported = name;
     }
 
-    /// The newest acknowledgement, once.
-    pub fn news(&mut self) -> Option<Ack> {
-        std::mem::take(&mut self.has_news).then_some(self.acknowledged)
+    /// What was acknowledged, once; the newest last.
+    pub fn news(&mut self) -> Vec<Ack> {
+        std::mem::take(&mut self.news)
     }
 
     /// Episodes sent whose durability is not confirmed.

@@ -176,7 +176,7 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
             self.take_done();
             self.take_spooled();
             self.link.receive(&self.ports, self.in_flight.as_ref().map(|f| f.served.name()));
-            if let Some(ack) = self.link.news() {
+            for ack in self.link.news() {
                 self.take_acknowledged(&ack);
             }
             if self.serve_commands() {
