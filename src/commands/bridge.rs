@@ -107,7 +107,8 @@ mod network {
 
     pub fn ros2(args: &Ros2Args) -> Result<Verdict> {
         let named = NamedCell::of(&args.cell)?;
-        let (stop, since) = (start(named.config(), args.cell.config.as_deref())?, Instant::now());
+        let stop = start(None, named.config(), args.cell.config.as_deref())?;
+        let since = Instant::now();
         let graph = match &args.listen {
             Some(address) => Graph::Here(address.clone()),
             None => Graph::Router(args.connect.clone()),

@@ -175,6 +175,10 @@ impl Told {
             Seen::Outcome(header) => self.conversion.outcome(&Outcome::from(&*header), now_ns()),
             Seen::Trial(news) => self.conversion.trial(&Trial::from(&*news), now_ns()),
             Seen::Measures(news) => self.conversion.measures(&Measures::from(&*news), now_ns()),
+            Seen::Bridged(bridged) => {
+                tracing::warn!("{}", bridged.sentence());
+                self.conversion.warn(bridged.sentence(), now_ns())
+            }
             // Told with those that stand still; ticks are left out on purpose.
             Seen::ControllerGone | Seen::ControllerBack | Seen::Lost(_) => Ok(()),
         }
