@@ -9,8 +9,8 @@ use crate::text;
 /// Bytes of the name of a task or an arm, and of a plant.
 pub const EQUIPMENT_NAME_LEN: usize = 32;
 pub const EQUIPMENT_PLANT_LEN: usize = 64;
-/// Bytes of a digest that people are shown.
-const SHOWN: usize = 6;
+/// Digits of a URDF's digest that people are shown.
+pub const DIGEST_SHOWN: usize = 12;
 
 message! {
     /// Texts as in [`crate::text`]; what is not told is empty.
@@ -58,7 +58,7 @@ impl Equipment {
     /// Task and arm in words: what two machines must have in common. Empty when it tells neither.
     pub fn world(&self) -> String {
         let task = self.task_name();
-        match self.urdf_text().get(..2 * SHOWN) {
+        match self.urdf_text().get(..DIGEST_SHOWN) {
             _ if task.is_empty() => String::new(),
             Some(digest) => format!("task {task} on the arm with URDF {digest}"),
             None => format!("task {task}"),

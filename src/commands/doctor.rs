@@ -42,7 +42,7 @@ fn as_text(host: &Host, checks: &[Check], verdict: Grade) -> String {
         text += &format!("{name:<14}{value}\n");
     }
     text.push('\n');
-    for Check { name, verdict, found, why, mend } in checks {
+    for Check { name, verdict, found, why, fix } in checks {
         let symbol = match verdict {
             Grade::Good => '✓',
             Grade::Fair => '~',
@@ -53,8 +53,8 @@ fn as_text(host: &Host, checks: &[Check], verdict: Grade) -> String {
         if *verdict != Grade::Good {
             text += &format!("          why:  {why}\n");
         }
-        if let Some(mend) = mend {
-            text += &format!("          fix:  {mend}\n");
+        if let Some(fix) = fix {
+            text += &format!("          fix:  {fix}\n");
         }
     }
     let count = |grade| checks.iter().filter(|check| check.verdict == grade).count();

@@ -51,7 +51,7 @@ pub fn run(args: &LearnerArgs) -> Result<Verdict> {
         leave_core(loop_core(config.controller.cpu)); // before a thread starts
     }
     let stop = stop_flag(Who::service(args.child))?;
-    // Whoever sits before a `learn` is told at once, and repeats it.
+    // The person at a `learn` sees a full disk at once, and repeats the command.
     let is_service = args.child.is_none();
     let set_level = log::start(&config.log);
     reload::on_hangup(Some(&folder.config_path()), &config, set_level)?;
@@ -354,9 +354,7 @@ fn report_people(event: &Event<'_>, line: &mut TrialLine) {
     match event {
         Event::AwaitsRating { rollout } => {
             tell_manager("waiting for a rating");
-            tracing::info!(
-                "rollout {rollout} waits for a rating: `skillet judge SESSION --rate 7`"
-            );
+            tracing::info!("rollout {rollout} waits for a rating: `skillet rate SESSION 7`");
         }
         Event::Said { taken, summary, next } => {
             tell_manager("learning");

@@ -10,6 +10,7 @@ use serde_json::json;
 use shm_types::cell::Cell;
 use shm_types::channel::ChannelError;
 use shm_types::command::{PACE_MAX, PACE_PLANT, PLANT_ABSENT, PLANT_BUILT_IN, Reply, Status};
+use shm_types::equipment::DIGEST_SHOWN;
 use shm_types::ports::ToolPorts;
 
 use crate::cell::NamedCell;
@@ -176,7 +177,7 @@ fn plant_text(status: &Status) -> String {
 /// The arm, as a line; nothing for a task without one.
 fn arm(status: &Status) -> String {
     let (name, digest) = (status.equipment.arm_name(), status.equipment.urdf_text());
-    match digest.get(..12) {
+    match digest.get(..DIGEST_SHOWN) {
         Some(digest) => format!("arm         {name}, URDF {digest}\n"),
         None => String::new(),
     }

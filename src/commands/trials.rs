@@ -6,6 +6,7 @@ use anyhow::Result;
 use learner::judge::Declared;
 use learner::store::{CellRecord, TrialRecord, equipment_of};
 use serde_json::{Map, Value, json};
+use shm_types::equipment::DIGEST_SHOWN;
 use shm_types::measures::TRUTH;
 
 use super::stored::open;
@@ -15,9 +16,6 @@ use crate::fields;
 use crate::output::{print, print_json, write_new};
 use crate::session_folder::SessionFolder;
 use crate::tasks;
-
-/// Digits of the SHA-256 of a URDF.
-const SHOWN: usize = 12;
 
 pub fn run(args: &TrialsArgs) -> Result<Verdict> {
     let folder = SessionFolder::open(&args.session)?;
@@ -91,7 +89,7 @@ fn row(trial: &TrialRecord, columns: &Columns<'_>) -> Row {
     if let Some(cells) = cells {
         let drove = equipment_of(cells, &trial.cell, trial.told).filter(|_| trial.was_executed());
         row.push(("arm".into(), json!(drove.map(|drove| &drove.arm))));
-        let digest = drove.map(|drove| drove.urdf_sha256.get(..SHOWN).unwrap_or_default());
+        let digest = drove.map(|drove| drove.urdf_sha256.get(..DIGEST_SHOWN).unwrap_or_default());
         row.push(("arm_urdf".into(), json!(digest)));
         row.push(("plant".into(), json!(drove.map(|drove| &drove.plant))));
     }

@@ -54,13 +54,13 @@ pub fn idle_states(subject: &Subject) -> Finding {
         return unknown("no idle states to see, /dev/cpu_dma_latency not writable");
     };
     let found = format!("{name}, {latency} µs; /dev/cpu_dma_latency not writable");
-    let mend = "let this user write it: `echo 'KERNEL==\"cpu_dma_latency\", GROUP=\"realtime\", \
+    let fix = "let this user write it: `echo 'KERNEL==\"cpu_dma_latency\", GROUP=\"realtime\", \
                 MODE=\"0660\"' | sudo tee /etc/udev/rules.d/99-skillet.rules`; or boot with \
                 `processor.max_cstate=1`";
     match latency {
         latency if latency <= SHALLOW_US => good(found),
-        latency if latency <= BEARABLE_US => not_good(Grade::Fair, found, mend),
-        _ => not_good(Grade::Poor, found, mend),
+        latency if latency <= BEARABLE_US => not_good(Grade::Fair, found, fix),
+        _ => not_good(Grade::Poor, found, fix),
     }
 }
 
@@ -76,11 +76,11 @@ pub fn isolated(subject: &Subject) -> Finding {
         [] => format!("core {core} is shared with every task"),
         others => format!("core {core} is shared; isolated are {others:?}"),
     };
-    let mend = format!(
+    let fix = format!(
         "boot with `isolcpus=managed_irq,domain,{core} nohz_full={core} rcu_nocbs={core}` and set \
          `controller.cpu = {core}`"
     );
-    not_good(Grade::Fair, found, mend)
+    not_good(Grade::Fair, found, fix)
 }
 
 pub fn interrupts(subject: &Subject) -> Finding {
@@ -101,12 +101,12 @@ pub fn interrupts(subject: &Subject) -> Finding {
     }
     let others: Vec<String> =
         host::online(root).iter().filter(|other| **other != core).map(usize::to_string).collect();
-    let mend = format!(
+    let fix = format!(
         "for i in /proc/irq/[0-9]*; do echo {} | sudo tee $i/smp_affinity_list; done (and stop \
          irqbalance)",
         others.join(",")
     );
-    not_good(Grade::Fair, found, mend)
+    not_good(Grade::Fair, found, fix)
 }
 
 /// Where an interrupt is delivered, as far as the kernel says; else where it may be.

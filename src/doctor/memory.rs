@@ -23,7 +23,7 @@ pub fn space(root: Root) -> Option<Space> {
 }
 
 pub fn shared_memory(subject: &Subject) -> Finding {
-    let mend = "sudo mount -o remount,size=256M /dev/shm, or `--shm-size 256m` of the container";
+    let fix = "sudo mount -o remount,size=256M /dev/shm, or `--shm-size 256m` of the container";
     let Some(Space { size, free }) = subject.space else {
         return not_good(
             Grade::Poor,
@@ -38,9 +38,9 @@ pub fn shared_memory(subject: &Subject) -> Finding {
         CELL_BYTES >> 20
     );
     match free {
-        free if free < CELL_BYTES => not_good(Grade::Poor, found, mend),
+        free if free < CELL_BYTES => not_good(Grade::Poor, found, fix),
         // Two cells at once: a session learns while another one is looked at.
-        free if free < 2 * CELL_BYTES => not_good(Grade::Fair, found, mend),
+        free if free < 2 * CELL_BYTES => not_good(Grade::Fair, found, fix),
         _ => good(found),
     }
 }

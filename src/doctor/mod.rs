@@ -49,8 +49,7 @@ pub struct Check {
     pub found: String,
     pub why: &'static str,
     /// The fix; absent if the check is good or nothing can be done.
-    #[serde(rename = "fix")]
-    pub mend: Option<String>,
+    pub fix: Option<String>,
 }
 
 /// The result of a check: grade, description, fix.
@@ -60,8 +59,8 @@ fn good(found: impl Into<String>) -> Finding {
     (Grade::Good, found.into(), None)
 }
 
-fn not_good(grade: Grade, found: impl Into<String>, mend: impl Into<String>) -> Finding {
-    (grade, found.into(), Some(mend.into()))
+fn not_good(grade: Grade, found: impl Into<String>, fix: impl Into<String>) -> Finding {
+    (grade, found.into(), Some(fix.into()))
 }
 
 fn unknown(found: impl Into<String>) -> Finding {
@@ -110,8 +109,8 @@ const CHECKS: [Entry; 18] = [
 
 pub fn examine(subject: &Subject) -> Vec<Check> {
     let check = |&(name, why, check): &Entry| {
-        let (verdict, found, mend) = check(subject);
-        Check { name, verdict, found, why, mend }
+        let (verdict, found, fix) = check(subject);
+        Check { name, verdict, found, why, fix }
     };
     CHECKS.iter().map(check).collect()
 }

@@ -31,10 +31,10 @@ pub fn realtime_tasks(subject: &Subject) -> Finding {
         return good(format!("none of priority {} or above", subject.priority));
     }
     found.truncate(4);
-    let mend = "end them, or give them another core with `taskset -cp CORES TASK`";
+    let fix = "end them, or give them another core with `taskset -cp CORES TASK`";
     let more =
         if n > found.len() { format!(" and {} more", n - found.len()) } else { String::new() };
-    not_good(Grade::Fair, found.join(", ") + &more, mend)
+    not_good(Grade::Fair, found.join(", ") + &more, fix)
 }
 
 /// Name and priority of a task that preempts a loop of `priority`. Threads of the kernel are
@@ -65,11 +65,11 @@ pub fn hypervisor(subject: &Subject) -> Finding {
     if !host::is_virtualised(subject.root) {
         return good("none, bare metal");
     }
-    let mend = "run on bare metal; or have the host pin the virtual cores to cores of their own";
+    let fix = "run on bare metal; or have the host pin the virtual cores to cores of their own";
     let stolen = stolen(subject.root).unwrap_or(0.0);
     let found = format!("yes; {:.2} % of the time taken by the host since boot", 100.0 * stolen);
     let grade = if stolen > STOLEN { Grade::Poor } else { Grade::Fair };
-    not_good(grade, found, mend)
+    not_good(grade, found, fix)
 }
 
 /// Share of the time since boot in which a core was ready and the hypervisor ran something else.

@@ -158,7 +158,7 @@ fn a_good_host_is_good_in_everything() {
     let checks = Fixture::good().checks();
     for check in &checks {
         assert_eq!(check.verdict, Grade::Good, "{}: {}", check.name, check.found);
-        assert_eq!(check.mend, None);
+        assert_eq!(check.fix, None);
     }
     assert_eq!(overall(&checks), Grade::Good);
 }
@@ -213,10 +213,10 @@ fn every_check_can_fail_and_then_says_what_to_do() {
         let failed = CASES.iter().any(|(name, _, grade)| {
             *name == check.name && matches!(grade, Grade::Fair | Grade::Poor)
         });
-        let has_fix = check.verdict == Grade::Poor && check.mend.is_some();
+        let has_fix = check.verdict == Grade::Poor && check.fix.is_some();
         assert!(failed || has_fix, "{} is never poor or fair", check.name);
         assert_ne!(check.verdict, Grade::Good, "{} on a host without files", check.name);
-        assert_eq!(check.mend.is_some(), !matches!(check.verdict, Grade::Unknown));
+        assert_eq!(check.fix.is_some(), !matches!(check.verdict, Grade::Unknown));
     }
     assert_eq!(overall(&blank), Grade::Poor);
 }

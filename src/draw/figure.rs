@@ -34,6 +34,16 @@ pub enum Row {
     Numbers(String),
 }
 
+/// Rows of three panels.
+pub fn thirds(mut panels: Vec<Panel>) -> Vec<Row> {
+    let mut rows = Vec::new();
+    while !panels.is_empty() {
+        let rest = panels.split_off(panels.len().min(3));
+        rows.push(Row::Thirds(std::mem::replace(&mut panels, rest)));
+    }
+    rows
+}
+
 pub struct Figure {
     /// Name of its file.
     pub stem: &'static str,

@@ -3,7 +3,7 @@
 use shm_types::measures::TRUTH;
 
 use super::{ReportData, TrialRow};
-use crate::draw::figure::{Figure, Row, THIRD};
+use crate::draw::figure::{Figure, THIRD, thirds};
 use crate::draw::plot::{Axis, Plot};
 use crate::draw::svg::Panel;
 
@@ -15,14 +15,7 @@ pub fn figure(data: &ReportData) -> Figure {
     let rows = if names.is_empty() {
         Err("nothing was measured yet.".to_owned())
     } else {
-        let panels = names.iter().map(|(name, unit)| draw(&data.trials, name, unit));
-        let mut panels: Vec<Panel> = panels.collect();
-        let mut rows = Vec::new();
-        while !panels.is_empty() {
-            let rest = panels.split_off(panels.len().min(3));
-            rows.push(Row::Thirds(std::mem::replace(&mut panels, rest)));
-        }
-        Ok(rows)
+        Ok(thirds(names.iter().map(|(name, unit)| draw(&data.trials, name, unit)).collect()))
     };
     Figure {
         stem: "measures",

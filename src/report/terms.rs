@@ -2,7 +2,7 @@
 
 use super::reward::{WINDOW, running_mean};
 use super::{ReportData, TrialRow};
-use crate::draw::figure::{Figure, Row, THIRD};
+use crate::draw::figure::{Figure, THIRD, thirds};
 use crate::draw::plot::{Axis, Plot};
 use crate::draw::svg::Panel;
 
@@ -23,16 +23,7 @@ pub fn figure(data: &ReportData) -> Figure {
     let range = Axis::rounded("", values().chain([0.0]));
     let rows = match terms.is_empty() {
         true => Err("the reward of this session is not a sum of terms.".to_owned()),
-        false => {
-            let panels = terms.iter().map(|term| draw(data, term, range));
-            let mut panels: Vec<Panel> = panels.collect();
-            let mut rows = Vec::new();
-            while !panels.is_empty() {
-                let rest = panels.split_off(panels.len().min(3));
-                rows.push(Row::Thirds(std::mem::replace(&mut panels, rest)));
-            }
-            Ok(rows)
-        }
+        false => Ok(thirds(terms.iter().map(|term| draw(data, term, range)).collect())),
     };
     let more = match data.terms.len().saturating_sub(MOST) {
         0 => String::new(),

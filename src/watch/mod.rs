@@ -65,9 +65,13 @@ pub struct Model {
 
 impl Times {
     fn new() -> Times {
-        let histogram = || Histogram::new_with_bounds(1, MAX_NS, 3).expect("bounds are valid");
         Times { wakeup: histogram(), tick: histogram() }
     }
+}
+
+/// For times of up to a second, ns.
+fn histogram() -> Histogram<u64> {
+    Histogram::new_with_bounds(1, MAX_NS, 3).expect("bounds are valid")
 }
 
 impl Model {

@@ -1,7 +1,7 @@
 //! Cells of a session: what each drives, from which trial on, and to which a rollout was given.
 
 use rusqlite::{Transaction, params};
-use shm_types::equipment::Equipment;
+use shm_types::equipment::{DIGEST_SHOWN, Equipment};
 
 use super::{Store, StoreError};
 
@@ -39,7 +39,7 @@ impl CellRecord {
 
     /// For people: arm, the beginning of its digest, and plant.
     pub fn describe(&self) -> String {
-        match self.urdf_sha256.get(..12) {
+        match self.urdf_sha256.get(..DIGEST_SHOWN) {
             Some(digest) => format!("arm {} (URDF {digest}), plant {}", self.arm, self.plant),
             None => format!("plant {}", self.plant),
         }

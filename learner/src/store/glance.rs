@@ -7,7 +7,7 @@ use std::path::Path;
 use rusqlite::{Connection, OpenFlags};
 
 use super::rows::integer;
-use super::{APPLICATION_ID, BUSY_TIMEOUT, FORMAT_VERSION, StoreError, meta};
+use super::{BUSY_TIMEOUT, StoreError, check_format, meta};
 
 /// A session at a glance.
 #[derive(Clone, Debug, PartialEq)]
@@ -28,14 +28,7 @@ impl Glance {
         }
         let sql = |error| StoreError::from_sql(path, error);
         let connection = connect(path).map_err(sql)?;
-        let pragma = |name| connection.pragma_query_value(None, name, |row| row.get::<_, i64>(0));
-        if pragma("application_id").map_err(sql)? != APPLICATION_ID {
-            return Err(StoreError::NotSkillet { path: path.into() });
-        }
-        let found = pragma("user_version").map_err(sql)?;
-        if found != FORMAT_VERSION {
-            return Err(StoreError::Format { path: path.into(), found, expected: FORMAT_VERSION });
-        }
+        check_format(&connection, path)?;
         let meta = meta::read(&connection, path)?;
         let has_history = "SELECT EXISTS (SELECT 1 FROM ratings) \
                            OR EXISTS (SELECT 1 FROM wishes WHERE text <> '')";

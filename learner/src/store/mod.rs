@@ -117,14 +117,7 @@ impl Store {
         let sql = |error| StoreError::from_sql(path, error);
         let mut connection = connect(path, OpenFlags::SQLITE_OPEN_READ_WRITE).map_err(sql)?;
         convert::to_this_format(&mut connection, path)?;
-        let pragma = |name| connection.pragma_query_value(None, name, |row| row.get::<_, i64>(0));
-        if pragma("application_id").map_err(sql)? != APPLICATION_ID {
-            return Err(StoreError::NotSkillet { path: path.into() });
-        }
-        let found = pragma("user_version").map_err(sql)?;
-        if found != FORMAT_VERSION {
-            return Err(StoreError::Format { path: path.into(), found, expected: FORMAT_VERSION });
-        }
+        check_format(&connection, path)?;
         // The first finding is enough.
         let check = connection.query_row("PRAGMA quick_check(1)", [], |row| row.get(0));
         let check: String = check.map_err(sql)?;
@@ -223,6 +216,20 @@ impl Store {
         }
         Ok(())
     }
+}
+
+/// That a file is a session of this format.
+fn check_format(connection: &Connection, path: &Path) -> Result<(), StoreError> {
+    let sql = |error| StoreError::from_sql(path, error);
+    let pragma = |name| connection.pragma_query_value(None, name, |row| row.get::<_, i64>(0));
+    if pragma("application_id").map_err(sql)? != APPLICATION_ID {
+        return Err(StoreError::NotSkillet { path: path.into() });
+    }
+    let found = pragma("user_version").map_err(sql)?;
+    if found != FORMAT_VERSION {
+        return Err(StoreError::Format { path: path.into(), found, expected: FORMAT_VERSION });
+    }
+    Ok(())
 }
 
 /// A connection on which commits are durable and references checked.

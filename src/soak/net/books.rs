@@ -193,8 +193,9 @@ fn replay(session: &Path) -> Result<(u64, u64)> {
     let said: Value = serde_json::from_slice(&output.stdout).with_context(|| {
         format!("`skillet replay` said {}", String::from_utf8_lossy(&output.stderr).trim())
     })?;
-    let different = said["different"].as_array().map_or(0, Vec::len);
-    Ok((said["trials"].as_u64().unwrap_or(0), different as u64))
+    let counts = said["trials"].as_u64().zip(said["different"].as_array());
+    let (trials, different) = counts.with_context(|| format!("`skillet replay` said {said}"))?;
+    Ok((trials, different.len() as u64))
 }
 
 /// The search, told the stored trials again, makes the same proposals.

@@ -57,7 +57,7 @@ impl NetSummary {
             (name.to_string(), of)
         });
         json!({
-            "good": self.is_good(),
+            "passed": self.is_good(),
             "minutes": self.wall.as_secs_f64() / 60.0,
             "hosts": hosts,
             "cells": cells,

@@ -17,7 +17,6 @@ const LOOK: Duration = Duration::from_millis(200);
 /// One cell during one cut.
 pub struct Witness {
     pub cell: usize,
-    since: Instant,
     next: Instant,
     first: Option<(Instant, Status)>,
     last: Option<(Instant, Status)>,
@@ -39,13 +38,12 @@ pub struct Alone {
 
 impl Witness {
     pub fn of(cell: usize) -> Witness {
-        let now = Instant::now();
-        Witness { cell, since: now, next: now + MUST_BE_ALONE, first: None, last: None }
+        Witness { cell, next: Instant::now() + MUST_BE_ALONE, first: None, last: None }
     }
 
     /// Looks at the cell, if it is time to. A controller that was killed does not answer.
     pub fn look(&mut self, cell: &Cell) {
-        if Instant::now() < self.next || self.since.elapsed() < MUST_BE_ALONE {
+        if Instant::now() < self.next {
             return;
         }
         self.next = Instant::now() + EVERY;

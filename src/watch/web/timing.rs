@@ -7,10 +7,11 @@ use hdrhistogram::Histogram;
 use serde_json::{Value, json};
 use shm_types::telemetry::TelemetryTick;
 
+use crate::watch::histogram;
+
 const WINDOW: Duration = Duration::from_secs(1);
 /// Three minutes.
 const WINDOWS: usize = 180;
-const MAX_NS: u64 = 1_000_000_000;
 
 pub struct Timing {
     began: Instant,
@@ -23,7 +24,6 @@ pub struct Timing {
 
 impl Timing {
     pub fn new() -> Timing {
-        let histogram = || Histogram::new_with_bounds(1, MAX_NS, 3).expect("bounds are valid");
         let now = Instant::now();
         let windows = VecDeque::new();
         Timing { began: now, window: now, wakeup: histogram(), tick: histogram(), windows }
