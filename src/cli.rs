@@ -12,6 +12,7 @@ pub mod doctor;
 pub mod families;
 pub mod judge;
 pub mod plant;
+pub mod rate;
 pub mod record;
 pub mod session;
 pub mod shell;
@@ -53,7 +54,9 @@ pub enum Verb {
     Trials(trials::TrialsArgs),
     /// Policies of a session or a running cell: inspect, load, roll back
     Policy(PolicyArgs),
-    /// Rate a rollout, or re-judge all trials with another reward
+    /// Rate a rollout, from 0 to 10
+    Rate(rate::RateArgs),
+    /// Judge all trials of a session again, with another reward
     Judge(judge::JudgeArgs),
     /// Convert a recording to a demonstration; add one to a session
     Demo(demo::DemoArgs),
@@ -196,7 +199,7 @@ pub struct LearnArgs {
     /// Program of an external plant, split at spaces; starts and ends with the session
     #[arg(long, value_name = "COMMAND")]
     pub plant_program: Option<String>,
-    /// Program that judges every rollout: a Python file, or a command split at spaces; see docs/own-task.md
+    /// Program that judges every rollout: a Python file, or a command split at spaces; see docs/own-judge.md
     #[arg(long, value_name = "COMMAND")]
     pub judge: Option<String>,
     /// Where the skittle stands, in m from the post (task skittles)

@@ -174,7 +174,7 @@ pub fn people(waits: u64, cell: &str) -> Option<String> {
     };
     match waits {
         WAITS_RATING => {
-            Some(format!("learner waits for a rating: run `skillet judge {} --rate 7`", folder()))
+            Some(format!("learner waits for a rating: run `skillet rate {} 7`", folder()))
         }
         ASKS_DEMONSTRATION => Some(format!(
             "the search is stuck: add a demonstration with `skillet demo add {} file.csv`",
@@ -238,7 +238,7 @@ mod tests {
         assert!(said.contains("0.4 rad at joint 1, -0.2 rad at joint 3"), "{said}");
         assert!(said.contains("skillet posture --reset --cell c1"), "{said}");
         for (waits, word) in [
-            (WAITS_RATING, "skillet judge SESSION --rate"),
+            (WAITS_RATING, "skillet rate SESSION"),
             (ASKS_DEMONSTRATION, "skillet demo add SESSION"),
         ] {
             let asks = Status { learner_waits: waits, ..judged };

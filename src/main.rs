@@ -71,6 +71,7 @@ fn main() -> ExitCode {
         Verb::Trials(args) => commands::trials::run(args),
         Verb::Policy(args) => commands::policy::run(args),
         Verb::Judge(args) => commands::judge::run(args),
+        Verb::Rate(args) => commands::rate::run(args),
         Verb::Demo(args) => commands::demo::run(args),
         Verb::Replay(args) => commands::replay::run(args),
         Verb::Convert(args) => commands::convert::run(args),

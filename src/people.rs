@@ -90,7 +90,9 @@ pub fn rate(folder: &SessionFolder, rollout: Option<u64>, word: Word) -> Result<
     expect_executed(folder, &trials, rollout)?;
     let before = || {
         let before = executed.clone().rfind(|trial| trial.rollout < rollout);
-        before.with_context(|| format!("rollout {rollout} is the first one: use --rate"))
+        before.with_context(|| {
+            format!("rollout {rollout} is the first one: give a number from 0 to 10")
+        })
     };
     let compared = |is_better: bool| -> Result<Says> {
         Ok(Says::Comparison { rollout, than: before()?.rollout, is_better })

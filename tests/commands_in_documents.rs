@@ -31,9 +31,7 @@ fn tested_elsewhere(arguments: &[&str]) -> Option<&'static str> {
         ["bridge", "ros2", ..] => Some("tests/ros2_live.rs"),
         ["bridge", ..] => Some("bridge/tests"),
         // Ratings count in sessions that were started so.
-        ["judge", _, "--rate" | "--better" | "--worse" | "--withdraw", ..] => {
-            Some("tests/people.rs")
-        }
+        ["rate", ..] => Some("tests/people.rs"),
         ["demo", "add", ..] => Some("tests/people.rs"),
         // Whether a posture fits depends on the policy that happens to be served.
         ["posture", "--joint" | "--offset", ..] => Some("tests/posture.rs"),

@@ -133,16 +133,22 @@ const ROWS: [Row; 62] = [
         ],
     ),
     (
-        "judge",
+        "rate",
         &[
             // Ratings do not count there.
-            (ERROR, "s --rate 7"),
-            (ERROR, "s --rate 11"),
+            (ERROR, "s 7"),
+            (ERROR, "s 11"),
             (ERROR, "s"),
             (ERROR, "nowhere --better"),
-            (DONE, "--again s --config s/session.toml"),
-            (ERROR, "--again nowhere --config s/session.toml"),
-            (ERROR, "--again s --config absent.toml"),
+        ],
+    ),
+    (
+        "judge",
+        &[
+            (DONE, "s --config s/session.toml"),
+            (ERROR, "s"),
+            (ERROR, "nowhere --config s/session.toml"),
+            (ERROR, "s --config absent.toml"),
         ],
     ),
     ("task list", &[(DONE, "")]),

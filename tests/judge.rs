@@ -33,7 +33,7 @@ fn a_written_reward_is_the_built_in_one_to_the_last_bit() {
     bench.ok(&[&["learn", "pancake", "--seed", "4"], &written[..]].concat());
     assert_eq!(bits(&bench.trials("written")), bits(&bench.trials("built-in")));
 
-    let again = ["judge", "--again", "built-in", "--config", "written.toml"];
+    let again = ["judge", "built-in", "--config", "written.toml"];
     let said = bench.ok(&again);
     assert!(said.contains("12 trials re-judged: 0 with another reward, 0 with another"), "{said}");
     let rows = bench.json(&again)["trials"].as_array().unwrap().clone();
@@ -46,7 +46,7 @@ fn another_judge_says_what_would_have_been_and_touches_nothing() {
     bench.ok(&["learn", "pancake", "--seed", "4", "--rollouts", "6", "--out", "s"]);
     let before = std::fs::read(bench.path("s/session.db")).unwrap();
     config(&bench, "high.toml", &judge_table("apex_m > 0", "100*apex_m"));
-    let said = bench.ok(&["judge", "--again", "s", "--config", "high.toml"]);
+    let said = bench.ok(&["judge", "s", "--config", "high.toml"]);
     assert!(said.contains("6 with another verdict; successes 0 before, 6 now"), "{said}");
     assert!(said.contains("trial 1: no success → success"), "{said}");
     assert_eq!(std::fs::read(bench.path("s/session.db")).unwrap(), before);
@@ -113,7 +113,7 @@ fn a_rollout_without_a_verdict_is_set_aside_and_the_session_goes_on() {
     bench.ok(&learn);
     // Judged by another reward they count.
     config(&bench, "other.toml", &judge_table("caught", "apex_m"));
-    let said = bench.ok(&["judge", "--again", "s", "--config", "other.toml"]);
+    let said = bench.ok(&["judge", "s", "--config", "other.toml"]);
     assert!(
         said.contains("trials re-judged") && said.contains("not judged → no success"),
         "{said}"

@@ -130,7 +130,7 @@ fn what_a_program_says_is_stored_and_it_is_needed_no_more() {
     std::fs::remove_file(bench.path("judge.py")).unwrap();
     let said = bench.ok(&["replay", "whole", "--all"]);
     assert!(said.contains("24 trials replayed, 0 different"), "{said}");
-    let said = bench.ok(&["judge", "--again", "whole", "--config", "whole/session.toml"]);
+    let said = bench.ok(&["judge", "whole", "--config", "whole/session.toml"]);
     assert!(said.contains("24 trials re-judged: 0 with another reward, 0 with another"), "{said}");
     let table = bench.ok(&["trials", "whole", "--csv", "-"]);
     let header = table.lines().next().unwrap();
@@ -298,7 +298,7 @@ fn what_cannot_judge_is_refused_before_it_starts() {
     }
     // A session is not judged again by a program that it never had.
     bench.ok(&["learn", "landscape", "--rollouts", "2", "--out", "plain"]);
-    let again = ["judge", "--again", "plain", "--config", "c.toml"];
+    let again = ["judge", "plain", "--config", "c.toml"];
     bench.refused(&again, &["task.judge.program is not asked about stored trials", "height (1)"]);
 }
 

@@ -38,7 +38,7 @@ fn opinion(bench: &Bench, session: &str, rollout: u64) -> String {
 
 fn rate(bench: &Bench, session: &str, rollout: u64) {
     let (number, rating) = (rollout.to_string(), opinion(bench, session, rollout));
-    bench.ok(&["judge", session, "--rollout", &number, "--rate", &rating]);
+    bench.ok(&["rate", session, "--rollout", &number, &rating]);
 }
 
 /// A session of rollouts that are rated one by one, those by `first` that it cares to rate.
@@ -78,7 +78,7 @@ fn learning_waits_for_each_rating_and_a_kill_loses_none_and_takes_none_twice() {
             kill(learner, "KILL");
         }
         let (number, rating) = (rollout.to_string(), opinion(&bench, "killed", rollout));
-        let judge = ["judge", "killed", "--rollout", &number, "--rate", &rating];
+        let judge = ["rate", "killed", "--rollout", &number, &rating];
         let judge = bench.start(&judge);
         if rollout > 3 {
             std::thread::sleep(Duration::from_millis(17 * (rollout - 3)));
@@ -105,16 +105,16 @@ fn a_session_at_rest_takes_what_was_said_when_it_is_resumed() {
     let bench = stage("weight = 0.5\nwait = false");
     bench.ok(&learn("silent", "16"));
     bench.ok(&learn("s", "10"));
-    let say = |arguments: &[&str]| bench.ok(&[&["judge", "s"], arguments].concat());
-    let said = say(&["--rate", "9", "--rollout", "3"]);
+    let say = |arguments: &[&str]| bench.ok(&[&["rate", "s"], arguments].concat());
+    let said = say(&["9", "--rollout", "3"]);
     assert!(said.contains("rollout 3, rated 9.0: recorded; takes effect when"), "{said}");
-    say(&["--rate", "2", "--rollout", "3"]);
+    say(&["2", "--rollout", "3"]);
     say(&["--better"]);
     // With these, what the robot itself likes best counts for less.
     let trials = bench.trials("s");
     let others = trials.iter().filter(|trial| ![3, 9, 10].contains(&trial.rollout));
     let best = others.max_by(|a, b| a.own_reward.total_cmp(&b.own_reward)).unwrap().rollout;
-    say(&["--rate", "0", "--rollout", &best.to_string()]);
+    say(&["0", "--rollout", &best.to_string()]);
     assert!(ratings(&bench, "s").is_empty());
     bench.ok(&learn("s", "12"));
     let shown = |rollout: usize| bench.trials("s")[rollout - 1].rating;
@@ -141,13 +141,13 @@ fn where_ratings_alone_count_nothing_else_does() {
     let bench = stage("weight = 1.0\nwait = false\nsuccess_from = 6.0");
     bench.ok(&learn("s", "4"));
     assert!(bench.trials("s").iter().all(|trial| trial.unrated && !trial.success));
-    bench.ok(&["judge", "s", "--rollout", "2", "--rate", "6"]);
-    bench.ok(&["judge", "s", "--rollout", "3", "--rate", "5.9"]);
+    bench.ok(&["rate", "s", "--rollout", "2", "6"]);
+    bench.ok(&["rate", "s", "--rollout", "3", "5.9"]);
     bench.ok(&learn("s", "5"));
     let trials = bench.trials("s");
     assert!(trials[1].success && trials[1].reward == 0.6 && !trials[2].success);
     assert!(trials[0].unrated && trials[3].unrated);
-    let table = bench.ok(&["judge", "--again", "s", "--config", "s/session.toml"]);
+    let table = bench.ok(&["judge", "s", "--config", "s/session.toml"]);
     assert!(table.contains("5 trials re-judged: 0 with another reward"), "{table}");
 }
 
@@ -164,12 +164,12 @@ fn who_waits_for_a_rating_says_so_and_ends_when_it_is_asked_to() {
     let learner = bench.start(&["learner", "--cell", "c1", "--session", "s", "--config", "c.toml"]);
     for rollout in 1..=3 {
         let now = eventually("a learner that waits", || {
-            let waits = |now: &Value| now["notes"].to_string().contains("skillet judge");
+            let waits = |now: &Value| now["notes"].to_string().contains("skillet rate");
             status(&bench).filter(waits).filter(|_| bench.trials("s").len() == rollout)
         });
         let folder = bench.path("s").display().to_string();
         assert!(now["notes"].to_string().contains(&folder), "{now}");
-        let said = bench.ok(&["judge", "s", "--rate", "0", "--json"]);
+        let said = bench.ok(&["rate", "s", "0", "--json"]);
         let said: Value = serde_json::from_str(&said).unwrap();
         assert_eq!(
             (said["rollout"].as_u64(), said["rating"].as_f64()),
@@ -194,16 +194,17 @@ fn what_cannot_be_said_is_refused_with_the_reason() {
     bench.ok(&learn("s", "3"));
     bench.ok(&["learn", "archery", "--rollouts", "2", "--out", "deaf"]);
     for (arguments, words) in [
-        (&["judge", "s", "--rate", "11"][..], &["use a number from 0 to 10"][..]),
-        (&["judge", "s", "--rate", "NaN"], &["use a number from 0 to 10"]),
-        (&["judge", "s", "--rate", "five"], &["use a number from 0 to 10"]),
-        (&["judge", "s", "--rate", "7", "--rollout", "9"], &["no rollout 9; use 1..=3"]),
-        (&["judge", "s", "--better", "--rollout", "1"], &["is the first one", "--rate"]),
-        (&["judge", "s", "--better", "--worse"], &["cannot be used with"]),
-        (&["judge", "s"], &["--rate"]),
-        (&["judge"], &["SESSION"]),
-        (&["judge", "nowhere", "--rate", "7"], &["no session here"]),
-        (&["judge", "deaf", "--rate", "7"], &["learner.people.weight"]),
+        (&["rate", "s", "11"][..], &["use a number from 0 to 10"][..]),
+        (&["rate", "s", "-1"], &["use a number from 0 to 10"]),
+        (&["rate", "s", "NaN"], &["use a number from 0 to 10"]),
+        (&["rate", "s", "five"], &["use a number from 0 to 10"]),
+        (&["rate", "s", "7", "--rollout", "9"], &["no rollout 9; use 1..=3"]),
+        (&["rate", "s", "--better", "--rollout", "1"], &["is the first one", "0 to 10"]),
+        (&["rate", "s", "--better", "--worse"], &["cannot be used with"]),
+        (&["rate", "s"], &["RATING", "--better"]),
+        (&["rate"], &["SESSION"]),
+        (&["rate", "nowhere", "7"], &["no session here"]),
+        (&["rate", "deaf", "7"], &["learner.people.weight"]),
         (&["demo", "add", "s", "c.toml"], &["no arm"]),
     ] {
         bench.refused(arguments, words);

@@ -11,8 +11,11 @@ type Family = (&'static str, &'static str, &'static [&'static str]);
 pub const FAMILIES: [Family; 3] = [
     (
         "Sessions",
-        "learn a skill, judge and replay its trials",
-        &["learn", "session", "trials", "policy", "judge", "demo", "replay", "convert", "report"],
+        "learn a skill, rate and replay its trials",
+        &[
+            "learn", "session", "trials", "policy", "rate", "judge", "demo", "replay", "convert",
+            "report",
+        ],
     ),
     (
         "Cells",

@@ -1,6 +1,4 @@
-//! `skillet judge`: a rollout that a person rates; stored trials, judged once more.
-
-use std::path::Path;
+//! `skillet judge`: stored trials, judged once more.
 
 use anyhow::{Result, bail};
 use learner::judge::{Verdict as Judging, list};
@@ -14,36 +12,15 @@ use crate::config::judge::REWARD;
 use crate::config::{Config, JudgeConfig};
 use crate::judging;
 use crate::output::{print, print_json};
-use crate::people::{self, Word};
 use crate::session_folder::SessionFolder;
 
 /// Trials listed one by one; the others are counted.
 const LISTED: usize = 20;
 
 pub fn run(args: &JudgeArgs) -> Result<Verdict> {
-    match (&args.session, args.word.word(), &args.again, &args.config) {
-        (Some(session), Some(word), ..) => rate(session, args.rollout, word, args.json),
-        (_, _, Some(session), Some(config)) => again(session, config, args.json),
-        _ => bail!("name a session and a rating, or --again with --config"),
-    }
-}
-
-fn rate(session: &Path, rollout: Option<u64>, word: Word, as_json: bool) -> Result<Verdict> {
-    let rated = people::rate(&SessionFolder::open(session)?, rollout, word)?;
-    if as_json {
-        let mut object = rated.answer.json();
-        object["rollout"] = json!(rated.rollout);
-        object["rating"] = json!(rated.rating);
-        print_json(&object)?;
-    } else {
-        print(&format!("{}\n", rated.sentence()))?;
-    }
-    Ok(Verdict::Done)
-}
-
-fn again(session: &Path, config_path: &Path, as_json: bool) -> Result<Verdict> {
+    let JudgeArgs { session, config: config_path, json: as_json } = args;
     let folder = SessionFolder::open(session)?;
-    let config = Config::load(Some(config_path))?;
+    let config = Config::load(Some(config_path.as_path()))?;
     let store = open(folder.dir(), &folder.database())?;
     let task = &store.meta().task;
     if config.task.name != *task {
@@ -67,7 +44,7 @@ fn again(session: &Path, config_path: &Path, as_json: bool) -> Result<Verdict> {
     let trials = store.trials()?;
     let measured = trials.iter().filter(|trial| !trial.measures.is_empty());
     let judged: Vec<Again> = measured.map(|trial| Again::of(trial, judge.as_ref())).collect();
-    if as_json {
+    if *as_json {
         let trials: Vec<_> = judged.iter().map(Again::json).collect();
         print_json(&json!({ "session": folder.dir(), "trials": trials }))?;
     } else {

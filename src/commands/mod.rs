@@ -18,6 +18,7 @@ pub mod modes;
 pub mod plant;
 pub mod policy;
 pub mod posture;
+pub mod rate;
 pub mod rearm;
 pub mod record;
 pub mod repertoire;

@@ -158,7 +158,7 @@ pub enum SessionError {
     #[error(
         "{rollouts} rollouts in a row, up to {last}, were executed but not judged; the last one: \
          {reason}; everything is saved; fix the judge and start another session, or resume if it is a \
-         program, or see `skillet judge --again`"
+         program, or see `skillet judge SESSION --config FILE`"
     )]
     NoneJudged { rollouts: u64, last: u64, reason: String },
     #[error(
