@@ -8,6 +8,13 @@
 //! learner ─ shared memory ─ hub ═══ network ═══ join ─ shared memory ─ controller
 //! ```
 //!
+//! ```
+//! use bridge::turn::{MessageError, Turn};
+//!
+//! // Everything that comes over the network is checked before use.
+//! assert_eq!(Turn::decode(b"GET / HTTP/1.1\r\nHost: hub\r\n\r\n"), Err(MessageError::Magic));
+//! ```
+//!
 //! Only the messages are built without the feature `network`.
 
 pub mod acks;

@@ -4,6 +4,24 @@
 //! Everything is a pure function of configuration, seed and stored trials: equal inputs give equal
 //! bits, and a stopped session continues as if it had never stopped.
 //!
+//! ```
+//! use learner::Demonstration;
+//! use learner::initial_policy::{InitialPolicyConfig, initial_policy};
+//!
+//! // A movement of 1 s that rises by 10 cm, m and rad.
+//! let mut csv = String::from("t_s,x_m,y_m,z_m,pitch_rad\n");
+//! for k in 0..=50 {
+//!     let u = f64::from(k) / 50.0;
+//!     csv += &format!("{u},0.78,0.0,{},0.0\n", 0.6 + 0.1 * u * u * (3.0 - 2.0 * u));
+//! }
+//! let demonstration = Demonstration::parse("rise.csv", &csv)?;
+//! // Springs of equal stiffness whose attractors follow it: where the search starts.
+//! let policy = initial_policy(&demonstration, &InitialPolicyConfig::default());
+//! assert_eq!(policy.components().len(), 8);
+//! assert!(policy.validate().is_ok());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
 //! Without the feature `session` the mathematics is left: what is searched, from where and along which
 //! directions.
 

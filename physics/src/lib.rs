@@ -6,12 +6,12 @@
 //! it. [`pancake`] puts both together into a [`plant::Plant`], which is all a controller sees, and says
 //! what happened to the pancake; a [`referee::Referee`] says when a rollout is over.
 //!
-//! ```no_run
+//! ```
 //! use physics::arm::{ArmModel, JointVector, dynamics};
 //! use physics::pancake::{PancakeConfig, PancakePlant, WAM7_START_POSTURE};
 //! use physics::plant::Plant;
 //!
-//! let model = ArmModel::from_urdf_file("robots/wam7/wam7_pan.urdf", "pan")?;
+//! let model = ArmModel::from_urdf_file("../robots/wam7/wam7_pan.urdf", "pan")?;
 //! let mut plant = PancakePlant::new(&model, &WAM7_START_POSTURE, &PancakeConfig::default());
 //! for _ in 0..1000 {
 //!     let state = plant.measure();

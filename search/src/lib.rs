@@ -1,4 +1,27 @@
 //! The search: proposes θ, learns from trials, and knows nothing of robots, transports and files.
+//!
+//! ```
+//! use nalgebra::dvector;
+//! use search::trial::Trial;
+//! use search::{AskTell, SearchConfig, Space, build};
+//!
+//! // Rewards are 1 at (0.3, -0.2), and 0 far away.
+//! let reward_of = |theta: &nalgebra::DVector<f64>| {
+//!     (-10.0 * (theta - dvector![0.3, -0.2]).norm_squared()).exp()
+//! };
+//! let space = Space::white(dvector![0.0, 0.0]);
+//! let mut search = AskTell::new(build(&SearchConfig::default(), 1, space));
+//! let mut best: f64 = 0.0;
+//! for rollout in 1..=100 {
+//!     let theta = search.ask(rollout).theta;
+//!     let reward = reward_of(&theta);
+//!     let success = reward > 0.9;
+//!     search.tell(&Trial { rollout, theta, reward, success, measured: Vec::new() })?;
+//!     best = best.max(reward);
+//! }
+//! assert!(best > 0.9);
+//! # Ok::<(), search::TellError>(())
+//! ```
 
 #![forbid(unsafe_code)]
 

@@ -3,6 +3,17 @@
 //! Every message is `#[repr(C)]`, versioned by its type name and by [`SCHEMA`], and validated by
 //! its receiver. No mathematics and no policy logic live here.
 //!
+//! ```
+//! use shm_types::policy::PolicyMsg;
+//!
+//! // Two numbers for a task without an arm, sealed with their digest.
+//! let policy = PolicyMsg::of_action(&[0.8, 12.5]).sealed();
+//! assert!(policy.validate().is_ok());
+//! // Bits that change on the way are noticed by the receiver.
+//! let changed = PolicyMsg { duration_s: 2.0, ..policy };
+//! assert!(changed.validate().is_err());
+//! ```
+//!
 //! Without the feature `transport` only the messages are left, for programs that never meet a cell.
 
 #![allow(unsafe_code)] // only what the ZeroCopySend derive expands to
