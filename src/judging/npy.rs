@@ -1,7 +1,7 @@
 //! The records of a rollout as a file that NumPy reads: `numpy.load(path)["p_m"]`.
 //!
 //! Format 1.0 of <https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html>: an array of one
-//! record a tick, its fields one behind the other. docs/own-task.md has the fields as a table.
+//! record a tick, its fields one behind the other. docs/own-judge.md has the fields as a table.
 
 use std::fs::OpenOptions;
 use std::io;
@@ -195,7 +195,7 @@ mod tests {
     /// As the documents say it.
     #[test]
     fn the_documents_name_every_field() {
-        let text = include_str!("../../docs/own-task.md");
+        let text = include_str!("../../docs/own-judge.md");
         for Field { name, len, .. } in FIELDS {
             let row = text
                 .lines()
