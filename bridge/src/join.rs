@@ -274,7 +274,8 @@ impl Join<'_> {
                 turns.ended();
                 let is_unexplained = turns.failures > KNOCK_AFTER;
                 if kind == Kind::News && is_unexplained && self.reach.complained.is_nothing() {
-                    self.reach.failed("the link is cut, or nobody serves this cell there".to_string());
+                    let reason = "the link is cut, or nobody serves this cell there";
+                    self.reach.failed(reason.to_string());
                 }
             }
         }
