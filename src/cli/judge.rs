@@ -10,9 +10,9 @@ Example:
   skillet judge sessions/pancake-1 --config new.toml
 
 Judges every stored trial again from its measures, with another configuration's judge (task.judge or
-learner.reward). No program is started: a program's results are among the measures. The output lists the
-trials whose success or reward would differ; the session is not changed. To rate a rollout yourself, see
-`skillet rate`.")]
+learner.reward). No program is started: a program's results are among the measures. The output counts the
+trials whose reward would differ and lists those whose success would; the session is not changed. To rate a
+rollout yourself, see `skillet rate`.")]
 pub struct JudgeArgs {
     /// Session folder whose trials are judged again
     pub session: PathBuf,

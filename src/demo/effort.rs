@@ -112,8 +112,10 @@ impl Effort {
         let places = [place(&self.speed, "turns at", "rad/s"), place(&self.torque, "needs", "N·m")];
         let places: Vec<String> = places.into_iter().flatten().collect();
         let remedy = match slow {
-            Some(slow) => format!("import it with --slow {slow}, slow enough for its limits"),
-            None => "import it with --slow FACTOR, or move it with --at-start".into(),
+            Some(slow) => format!("convert it with --slow {slow}, slow enough for its limits"),
+            None => {
+                "convert it with --slow FACTOR, or move it elsewhere, as --at-start does".into()
+            }
         };
         anyhow!(
             "{file}: too fast for this arm: {}: {remedy}; --smooth-s takes noise out of a recording",

@@ -82,7 +82,7 @@ pub fn session(
         demonstrations: setup::demonstrations_of(&config),
         learnt_measures: shown.map_or(Measures::NONE, |trial| trial.measures),
         notes: [wishes_text(&wishes), cells_text(&store.cells()?), notes.to_vec()].concat(),
-        robustness: robustness(&config, &store, &modes, &learnt, effort, &folder.name()),
+        robustness: robustness(&config, &store, &modes, &learnt, effort, folder.dir()),
         modes,
         timing: timing(&folder.timing(0)),
         pictures: (task.pictures)(&config),
@@ -185,7 +185,7 @@ fn robustness(
     modes: &[ModeRow],
     learnt: &PolicyMsg,
     effort: Effort,
-    session: &str,
+    session: &Path,
 ) -> Result<Robustness, String> {
     let pictures = config.task().map(|task| (task.pictures)(config));
     if !pictures.is_ok_and(|pictures| matches!(pictures, Pictures::Toss)) {
@@ -196,7 +196,8 @@ fn robustness(
     }
     if effort == Effort::Quick {
         return Err(format!(
-            "run `skillet report {session}` to measure it; it takes some seconds."
+            "run `skillet report {}` to measure it; it takes some seconds.",
+            session.display()
         ));
     }
     let selected = modes.iter().find(|row| row.is_answer);
