@@ -3,7 +3,7 @@
 //! Two kinds of turns are under way at once: one that waits for news, again and again, and, while there is an episode,
 //! one that carries it until the learner holds it durable. A turn that fails is repeated after a while that grows.
 //!
-//! Without an answer for [`PATIENCE`] the bridge stops beating, so that the controller serves its last good policy
+//! Without an answer for `PATIENCE` the bridge stops beating, so that the controller serves its last good policy
 //! alone (`controller.alone_after_s`). What it has executed stays in its spool.
 
 mod commands;

@@ -66,7 +66,7 @@ pub fn stiffness(policy: &PolicyMsg, t_s: f64) -> DMatrix<f64> {
     })
 }
 
-/// Means of the hᵢ of a validated policy over its movement, at the middles of [`N_SAMPLES`] equal parts.
+/// Means of the hᵢ of a validated policy over its movement, at the middles of `N_SAMPLES` equal parts.
 pub fn mean_activations(policy: &PolicyMsg) -> Vec<f64> {
     let mut mean = vec![0.0; policy.components().len()];
     for part in 0..N_SAMPLES {

@@ -1,6 +1,6 @@
 //! The policy a session starts from: Eq. (5) fitted to one demonstration by least squares.
 //!
-//! Other stiffnesses than κᴾ, several demonstrations and orientations on the sphere: [`placed`], [`variability`].
+//! Other stiffnesses than κᴾ, several demonstrations and orientations on the sphere: `placed`, `variability`.
 
 pub(crate) mod placed;
 pub(crate) mod variability;

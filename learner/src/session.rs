@@ -1,11 +1,11 @@
 //! The session loop: ask → publish → receive → reward → tell → checkpoint, in every cell of the session.
 //!
-//! The loop never waits for ever: it wakes up at least every [`WAIT`], shows that it lives, and
+//! The loop never waits for ever: it wakes up at least every `WAIT`, shows that it lives, and
 //! looks at `stop`. A controller that restarts is asked again; one that is silent is waited for,
 //! visibly. What it must not do twice, it does not: [`Learner::complete`] refuses an episode that
 //! is late, foreign or a duplicate.
 //!
-//! Where there are several cells, one rollout is in flight in each. A cell holds it on a lease of [`ROLLOUT`]: then
+//! Where there are several cells, one rollout is in flight in each. A cell holds it on a lease of `ROLLOUT`: then
 //! another cell is asked for the same rollout, under the same number. The episode that is durable first counts,
 //! the other one is acknowledged and dropped.
 

@@ -1,7 +1,7 @@
 //! The hard loop: state in, torque out, once a millisecond.
 //!
 //! [`hot`] is what runs every period. Around it, the rt thread ([`executor`]) keeps the pace and owns the
-//! plant, and the exchange thread ([`exchange`]) owns everything iceoryx2. The two share wait-free rings
+//! plant, and the exchange thread (`exchange`) owns everything iceoryx2. The two share wait-free rings
 //! only, so that no learner, observer or tool can delay a tick.
 //!
 //! ```

@@ -1,6 +1,6 @@
 //! A plant in another process: a simulator in lockstep, or a robot whose samples are the clock.
 //!
-//! A thread of its own minds the [`door`]: it lets plants in, compares what they say of themselves with
+//! A thread of its own minds the `door`: it lets plants in, compares what they say of themselves with
 //! what is [`expected`], and sees off those that are gone. The rt thread holds the connection through
 //! [`plant`]: a send and a receive a tick, beside the hot path and not in it, and no heap.
 

@@ -1,6 +1,6 @@
 //! Learning from measures: what was measured says what was wrong, where a reward says how good it was.
 //!
-//! Every target is a measure and the window it is to lie in. Gaussian processes ([`estimate`]) expect of a
+//! Every target is a measure and the window it is to lie in. Gaussian processes (`estimate`) expect of a
 //! policy what will be measured of it, from what was measured so far and, where the task can compute one,
 //! from a prediction. Rollout 1 is θ₀; every other one executes, of a set of candidates, the one that most
 //! likely succeeds: all measures in their windows, and more of its neighbours succeeded than failed.
@@ -9,7 +9,7 @@
 //! as trials of it. Keeping away from the neighbourhood of pending ones made no difference (docs/adr/0034).
 //!
 //! After so many successes PoWER may take over, for what no target speaks of; or the search goes on to
-//! succeed in every part of the windows ([`cover`]), so that there is a policy for every wish.
+//! succeed in every part of the windows (`cover`), so that there is a policy for every wish.
 
 mod config;
 mod cover;

@@ -156,7 +156,7 @@ impl Mixture {
     }
 }
 
-/// Draws until one lies within `bounds`; after [`MAX_REDRAWS`] the nearest point of the box.
+/// Draws until one lies within `bounds`; after `MAX_REDRAWS` the nearest point of the box.
 pub fn draw_within(
     bounds: Option<&Bounds>,
     mut draw: impl FnMut() -> DVector<f64>,

@@ -9,14 +9,14 @@
 //! success need not tell good successes from near misses. In the second phase directions open that are
 //! about how to succeed, the mean itself is executed now and then, and of several draws the one is
 //! executed whose known reward is highest. Where draws fail the noise narrows, and where the mean fails it
-//! is taken from fewer successes ([`draws`]).
+//! is taken from fewer successes (`draws`).
 //!
 //! With several rollouts in flight draws are independent, and every trial counts as it comes, from however old a
 //! distribution: elites are the best trials of all, drawn from wherever. Turns of the mean count pending rollouts, and no
 //! mean is executed twice at once.
 //!
 //! Departure: the paper takes a reward for what a trial is worth. Where it may be wrong, as a person's rating, elites
-//! are ranked by what the rewards of their neighbours say as well ([`neighbours`]).
+//! are ranked by what the rewards of their neighbours say as well (`neighbours`).
 
 mod draws;
 mod neighbours;

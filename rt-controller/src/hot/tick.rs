@@ -163,7 +163,7 @@ impl<'a> Controller<'a> {
         }
     }
 
-    /// What no torque of the motors explains, N·m, low-passed; see [`crate::hot::monitor`].
+    /// What no torque of the motors explains, N·m, low-passed; see `crate::hot::monitor`.
     pub fn unexplained_force(&self) -> &JointVector {
         self.monitor.force()
     }
