@@ -129,8 +129,8 @@ fn a_bench_leaves_nothing() {
     }
 }
 
-/// Its services are not asked with it: the sessions under way are finished. One who asks again, later,
-/// does not want to wait for that.
+/// The signal does not reach its services, so they finish their sessions. A second signal, later, ends the soak without
+/// waiting for them.
 #[test]
 fn a_soak_is_asked_once_or_twice() {
     let bench = Bench::new();

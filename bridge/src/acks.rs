@@ -48,10 +48,9 @@ impl Acks {
         self.iter().any(|ack| ack.covers(session, rollout))
     }
 
-    /// A schema in it that is not ours.
-    pub(crate) fn foreign_schema(&self) -> Option<u64> {
-        let mut schemas = self.places.iter().map(|ack| ack.schema);
-        schemas.find(|schema| ![0, SCHEMA].contains(schema))
+    /// Of every place, 0 where it is free.
+    pub(crate) fn schemas(&self) -> impl Iterator<Item = u64> {
+        self.places.into_iter().map(|ack| ack.schema)
     }
 }
 

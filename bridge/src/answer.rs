@@ -83,9 +83,8 @@ impl Answer {
         let length = MessageError::Length { len: bytes.len() };
         let rest = Prefix::take(bytes)?;
         let Ok((head, rest)) = AnswerHead::read_from_prefix(rest) else { return Err(length) };
-        let is_foreign = |schema: &u64| ![0, SCHEMA].contains(schema);
-        let of_learner = Some(head.learner.schema).filter(is_foreign);
-        if let Some(found) = of_learner.or(head.acks.foreign_schema()) {
+        let mut schemas = head.acks.schemas().chain([head.learner.schema]);
+        if let Some(found) = schemas.find(|schema| ![0, SCHEMA].contains(schema)) {
             return Err(MessageError::Schema { found });
         }
         if !head.learner.equipment.is_valid() {

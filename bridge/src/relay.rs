@@ -1,7 +1,7 @@
 //! Commands of tools on the learner's machine, on their way to a controller elsewhere.
 //!
 //! Each is carried out at most once. One that has not been sent is withdrawn. If the link is cut between a command and its
-//! reply, the tool is told that the outcome is unknown.
+//! reply, the tool gets the reply that the outcome is unknown.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};

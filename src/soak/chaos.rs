@@ -33,7 +33,7 @@ const OBSERVED_MS: std::ops::Range<u64> = 0..150;
 /// Out of ten events: kills, swaps, observers; the rest are observers that are killed.
 const KILLS: u32 = 6;
 const SWAPS: u32 = 8;
-const ONLOOKERS: u32 = 9;
+const OBSERVERS: u32 = 9;
 const SOON: Duration = Duration::from_secs(10);
 
 /// The services of a session; a learner that is done is gone.
@@ -90,7 +90,7 @@ impl<'a> Chaos<'a> {
         match self.rng.random_range(0..10) {
             event if event < KILLS => self.kill(number, running),
             event if event < SWAPS => self.swap(),
-            event if event < ONLOOKERS => self.look_on(),
+            event if event < OBSERVERS => self.look_on(),
             _ => self.kill_observer(),
         }
     }
@@ -204,7 +204,7 @@ impl<'a> Chaos<'a> {
             while observer.telemetry.receive()?.is_some() {}
             std::thread::sleep(Duration::from_millis(1));
         }
-        self.count(|tally| tally.onlookers += 1);
+        self.count(|tally| tally.observers += 1);
         Ok(())
     }
 

@@ -123,7 +123,7 @@ fn cell_text(ordeal: Ordeal, tally: &Tally) -> String {
         tally.sessions,
         tally.different,
         tally.swaps,
-        tally.onlookers,
+        tally.observers,
         tally.observers_killed,
         ledger.produced,
         ledger.learnt,
@@ -179,7 +179,7 @@ fn outcome_json(tally: &Tally) -> Value {
         "sessions": tally.sessions,
         "sessions_different": tally.different,
         "swaps": tally.swaps,
-        "observers": tally.onlookers,
+        "observers": tally.observers,
         "observers_killed": tally.observers_killed,
         "episodes": {
             "produced": ledger.produced,

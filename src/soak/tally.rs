@@ -43,7 +43,7 @@ pub struct Tally {
     pub holds: Vec<Duration>,
     pub rearms: Rearms,
     pub swaps: u64,
-    pub onlookers: u64,
+    pub observers: u64,
     /// Processes that watched, stalled or not, and were killed.
     pub observers_killed: u64,
     pub sessions: u64,

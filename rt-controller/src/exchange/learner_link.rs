@@ -53,8 +53,8 @@ impl LearnerLink {
         }
         // Asked for by a learner that has taken its episode since.
         let is_durable = |asked: &mut PolicyMsg| {
-            let acks = self.news.iter().chain([&self.acknowledged]);
-            acks.into_iter().any(|ack| ack.covers(asked.session, asked.rollout))
+            let mut acks = self.news.iter().chain([&self.acknowledged]);
+            acks.any(|ack| ack.covers(asked.session, asked.rollout))
         };
         self.proposal.take_if(is_durable);
         while let Ok(Some(beat)) = ports.learner_beat.receive() {
