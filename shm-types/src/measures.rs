@@ -73,10 +73,14 @@ impl Measure<'_> {
 
     /// As people read it.
     pub fn text(&self) -> String {
-        match (self.unit, self.value) {
-            (TRUTH, value) => if value != 0.0 { "yes" } else { "no" }.into(),
-            ("1", value) => format!("{value:.3}"),
-            (unit, value) => format!("{value:.3} {unit}"),
+        // What rounds to nothing has no sign.
+        let value = if self.value.abs() < 5e-4 { 0.0 } else { self.value };
+        match self.unit {
+            TRUTH => if self.value != 0.0 { "yes" } else { "no" }.into(),
+            // A count, such as the way that was taken.
+            "1" if value.fract() == 0.0 => format!("{value:.0}"),
+            "1" => format!("{value:.3}"),
+            unit => format!("{value:.3} {unit}"),
         }
     }
 }
@@ -209,6 +213,8 @@ mod tests {
         assert_eq!(all.declared()[0], ("apex_m".to_string(), "m".to_string()));
         let texts: Vec<String> = all.iter().map(|measure| measure.text()).collect();
         assert_eq!(texts, ["0.500 m", "yes"]);
+        let text = |unit, value| Measure { name: "way", unit, value }.text();
+        assert_eq!([text("m", -2e-4), text("1", 3.0), text("1", 0.5)], ["0.000 m", "3", "0.500"]);
     }
 
     #[test]

@@ -35,8 +35,11 @@ impl<'a> Axis<'a> {
             return Axis { label, min: 0.0, max: 1.0 };
         }
         // A range of zero would have no scale.
-        let pad = if max - min < 1e-9 { 0.5 * min.abs().max(1e-3) } else { 0.0 };
-        Axis { label, min: min - pad, max: max + pad }
+        match max - min < 1e-9 {
+            false => Axis { label, min, max },
+            true if min.abs() < 1e-6 => Axis { label, min: 0.0, max: 1.0 },
+            true => Axis { label, min: min - 0.5 * min.abs(), max: max + 0.5 * max.abs() },
+        }
     }
 
     /// The range of the finite `values`, widened to whole ticks.

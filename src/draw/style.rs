@@ -132,19 +132,23 @@ svg svg{overflow:hidden}
 @media (max-width:860px){.narrow{display:block}.wide{display:none}}
 .half .drawing{min-width:0}
 @media (min-width:861px){.half figure{display:grid;
-grid-template-columns:minmax(0,500px) minmax(240px,1fr);gap:12px 40px;align-items:center}}
+grid-template-columns:minmax(0,500px) minmax(240px,1fr);gap:12px 40px;align-items:start}
+.half figcaption{margin-top:32px}}
 @media (min-width:1240px){body{padding:28px 32px 64px}
-main>section:nth-child(-n+2) h2{margin-top:22px}
+main>section:first-child h2,main>.half:first-child+.half h2{margin-top:22px}
 main{display:grid;grid-template-columns:repeat(2,minmax(0,1fr));gap:0 56px}
 section{grid-column:span 2}
 section.half{grid-column:span 1}.half figure{display:block}
+.half figcaption{margin-top:8px}
 .half:not(.half+.half):not(:has(+.half)){grid-column:span 2}
 .half:not(.half+.half):not(:has(+.half)) figure{display:grid;
-grid-template-columns:minmax(0,598px) minmax(240px,1fr)}}
+grid-template-columns:minmax(0,598px) minmax(240px,1fr)}
+.half:not(.half+.half):not(:has(+.half)) figcaption{margin-top:32px}}
 .player{justify-items:center;position:relative}.player .row{justify-self:stretch;margin-top:0}
 .player input{position:absolute;opacity:0;width:1px;height:1px}
 .player label{cursor:pointer;position:absolute;top:8px;right:8px;z-index:1;background:var(--paper);border:1px solid var(--axis);border-radius:6px;padding:2px 18px;
 font-size:15.5px;user-select:none}
+.player:has(.row) label{left:8px;right:auto}
 .half .player label{right:max(10px,calc(50% - 288px))}
 .player label:hover{border-color:var(--learnt)}
 .player input:focus-visible+label{outline:2px solid var(--learnt);outline-offset:2px}
@@ -165,7 +169,8 @@ vertical-align:top;overflow-wrap:anywhere}
 th{color:var(--muted)}
 .tables table{max-width:660px}
 .tables td{text-align:right;padding-right:0}
-.tables .origin td{text-align:left}.tables .origin th{width:7em}
+.tables th{white-space:nowrap;overflow-wrap:normal}
+.tables .origin td{text-align:left}.tables .origin th{width:7em;white-space:normal}
 code{font-size:.9em}
 details{margin-top:18px;border-top:1px solid var(--grid);padding-top:12px}
 summary{cursor:pointer;font-weight:600}
@@ -189,6 +194,7 @@ h1{font-size:19pt}h2{font-size:12.5pt;margin-top:18pt;break-after:avoid}
 main{display:grid;grid-template-columns:repeat(2,minmax(0,1fr));gap:0 20pt}
 section{grid-column:span 2;break-inside:avoid}section.half{grid-column:span 1}
 .half figure,.half:not(.half+.half):not(:has(+.half)) figure{display:block}
+.half figcaption{margin-top:6pt}.numbers{white-space:normal}.numbers th,.numbers td{padding-right:5px}
 .frames{grid-template-columns:repeat(8,1fr)}.thirds{grid-template-columns:repeat(3,1fr)}
 .tables{grid-template-columns:repeat(2,1fr)}
 tr{break-inside:avoid}.player label,.player input,a.file,details{display:none}

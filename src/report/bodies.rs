@@ -65,6 +65,9 @@ pub fn draw_object(panel: &mut Panel, view: &View, row: &PathRow, data: &ReportD
     if data.is_toss() {
         return draw_pancake(panel, view, row);
     }
+    if data.object.is_empty() {
+        return;
+    }
     let X_WO = Isometry3::from_parts(Translation3::from(object(row)), orientation(row));
     let solids = data.look.as_ref().map_or(&[][..], |look| &look.solids.object.1);
     draw_solids(panel, view, &X_WO, solids, "object");

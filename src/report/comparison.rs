@@ -31,30 +31,60 @@ pub fn html(sessions: &[Session], figures: &[Figure]) -> String {
     document(&format!("{} sessions", sessions.len()), &body)
 }
 
-/// For example "A: 5 of 5 sessions succeed, the first time after 12 to 31 rollouts (median 17)."
+/// For example "A: 5 of 5 sessions with a hit, the first time at rollout 12 to 31 (median 17); 19 of the last 20
+/// rollouts succeed (median)."
 fn verdicts(kinds: &[Kind<'_>]) -> String {
     let verdict = |kind: &Kind<'_>| {
-        let mut firsts: Vec<f64> =
-            kind.sessions.iter().filter_map(|s| first_success(s)).map(|n| n as f64).collect();
-        firsts.sort_by(f64::total_cmp);
-        let n = kind.sessions.len();
-        let when = match (firsts.first(), firsts.last()) {
-            (Some(first), Some(last)) if firsts.len() > 1 => format!(
-                ", the first time at rollout {first} to {last} (median {})",
-                fixed(quantile(&firsts, 0.5), 0)
-            ),
-            (Some(first), _) => format!(", the first time at rollout {first}"),
-            _ => String::new(),
-        };
-        let what = kind.sessions[0].success;
-        format!(
-            "<p class=\"verdict\">{}: {} of {n} session{} with a {what}{when}.</p>\n",
-            kind.name,
-            firsts.len(),
-            if n == 1 { "" } else { "s" },
-        )
+        let name = if kinds.len() > 1 { format!("{}: ", kind.name) } else { String::new() };
+        format!("<p class=\"verdict\">{name}{}.</p>\n", achieved(&kind.sessions))
     };
     kinds.iter().map(verdict).collect()
+}
+
+/// What sessions of one kind came to, in words.
+fn achieved(sessions: &[&Session]) -> String {
+    let count = |n: usize| format!("{n} session{}", if n == 1 { "" } else { "s" });
+    let Some(success) = sessions[0].success else {
+        let best = sessions.iter().filter_map(|s| summary::best(&s.trials));
+        let best = Spread::of(best.map(|trial| trial.reward));
+        let best = best.map_or(String::new(), |best| format!(", best reward {}", best.text(2)));
+        return count(sessions.len()) + &best;
+    };
+    let firsts: Vec<u64> = sessions.iter().filter_map(|s| first_success(s)).collect();
+    let when = Spread::of(firsts.iter().map(|n| *n as f64));
+    let when =
+        when.map_or(String::new(), |when| format!(", the first time at rollout {}", when.text(0)));
+    let recent = sessions.iter().map(|s| summary::recent(&s.trials));
+    let recent = Spread::of(recent.map(|trials| summary::successes(trials) as f64));
+    let last = sessions.iter().map(|s| summary::recent(&s.trials).len()).min().unwrap_or(0);
+    let recent = recent.filter(|_| last > 0).map_or(String::new(), |recent| {
+        format!("; successes among the last {last} rollouts: {}", recent.text(0))
+    });
+    let n = firsts.len();
+    format!("{n} of {} with a {success}{when}{recent}", count(sessions.len()))
+}
+
+/// Values of several sessions, which rise.
+struct Spread(Vec<f64>);
+
+impl Spread {
+    fn of(values: impl Iterator<Item = f64>) -> Option<Spread> {
+        let mut values: Vec<f64> = values.collect();
+        values.sort_by(f64::total_cmp);
+        (!values.is_empty()).then_some(Spread(values))
+    }
+
+    /// For example "12 to 31 (median 17)".
+    fn text(&self, decimals: usize) -> String {
+        let [first, last] = [self.0[0], self.0[self.0.len() - 1]].map(|v| fixed(v, decimals));
+        if first == last {
+            return first;
+        }
+        // A median of whole numbers may lie between two.
+        let median = quantile(&self.0, 0.5);
+        let more = usize::from(decimals == 0 && median.fract() != 0.0);
+        format!("{first} to {last} (median {})", fixed(median, decimals + more))
+    }
 }
 
 fn first_success(session: &Session) -> Option<u64> {
@@ -81,7 +111,7 @@ fn table(kinds: &[Kind<'_>]) -> String {
         };
         let best = summary::best(&session.trials);
         let cells = [
-            kind.name.to_owned(),
+            if kinds.len() > 1 { kind.name.to_owned() } else { String::new() },
             name,
             session.seed.to_string(),
             session.trials.len().to_string(),

@@ -26,6 +26,14 @@ struct Coordinate {
     shown: Option<fn(&Isometry3<f64>) -> f64>,
 }
 
+const FORWARD: Coordinate = Coordinate {
+    of: |data| format!("forward position of the {}, m", data.tip),
+    value: |row| row.pan_position[0],
+    attractor: Some(|row| row.attractor[0]),
+    shown: Some(|pose| pose.translation.x),
+};
+
+/// The last one is that of the object; without one it is [`FORWARD`].
 const COORDINATES: [Coordinate; 3] = [
     Coordinate {
         of: |data| format!("height of the {}, m", data.tip),
@@ -51,8 +59,10 @@ pub fn figure(data: &ReportData) -> Figure {
     let rows = if data.film.path.len() < 2 {
         Err(format!("the session holds no path of rollout {}.", data.learnt_rollout))
     } else {
-        let panels = COORDINATES.iter().map(|coordinate| draw(data, coordinate)).collect();
-        Ok(vec![Row::Thirds(panels)])
+        let [height, pitch, object] = &COORDINATES;
+        let third = if data.object.is_empty() { &FORWARD } else { object };
+        let panels = [height, pitch, third].map(|coordinate| draw(data, coordinate));
+        Ok(vec![Row::Thirds(panels.into())])
     };
     let initial = if data.initial_path.len() < 2 {
         " The session holds no path of the first rollout."

@@ -60,6 +60,24 @@ impl Film {
     }
 }
 
+/// The plant tracks no object: it reports the world's frame in every row.
+fn tracks_nothing(path: &[PathRow]) -> bool {
+    path.iter().all(|row| row.object_position == [0.0; 3])
+}
+
+/// The path, with the tip in place of an object where none is tracked.
+pub fn followed(mut path: Vec<PathRow>) -> Vec<PathRow> {
+    if tracks_nothing(&path) {
+        path.iter_mut().for_each(|row| row.object_position = row.pan_position);
+    }
+    path
+}
+
+/// Does the path follow the tip, as no object is tracked?
+pub fn follows_tip(path: &[PathRow]) -> bool {
+    !path.is_empty() && path.iter().all(|row| row.object_position == row.pan_position)
+}
+
 /// Where a row has the tip, m.
 pub fn tip(row: &PathRow) -> Vector3<f64> {
     convert(Vector3::from(row.pan_position))

@@ -47,7 +47,7 @@ use shm_types::policy::PolicyMsg;
 
 use crate::draw::figure::Figure;
 pub use comparison::html as render_several;
-pub use film::{Film, Links, Look};
+pub use film::{Film, Links, Look, followed, follows_tip};
 pub use modes::ModeRow;
 pub use origin::{LinkTo, Origin};
 pub use plane::Plane;
@@ -87,11 +87,12 @@ pub struct ReportData {
     /// One entry a pace, or why there are none.
     pub timing: Result<Vec<LoopTiming>, String>,
     pub pictures: Pictures,
-    /// What the arm carries and what is tracked; empty without an arm.
+    /// What the arm carries; empty without an arm.
     pub tip: &'static str,
+    /// What is tracked; empty where nothing is.
     pub object: &'static str,
-    /// What a success is called.
-    pub success: &'static str,
+    /// What a success is called; none where only the reward distinguishes rollouts.
+    pub success: Option<&'static str>,
     pub origin: Origin,
     /// Files beside the page.
     pub files: Vec<LinkTo>,
@@ -117,6 +118,11 @@ impl ReportData {
             _ => "a policy of systems has no springs.",
         };
         Some(reason.to_owned())
+    }
+
+    /// What the paths of the object show: the tip where nothing is tracked.
+    fn followed(&self) -> &'static str {
+        if self.object.is_empty() { self.tip } else { self.object }
     }
 
     /// The policy is an action vector.

@@ -144,8 +144,11 @@ fn draw_trials(plot: &mut Plot, places: &[(f64, f64)], trials: &[TrialRow]) {
 /// two dimensions.
 pub fn draw_modes(plot: &mut Plot, modes: &[(Mode, &ModeRow)]) {
     for (mode, _) in modes {
-        plot.curve(ellipse(mode, 1.0), "mode-halo");
-        plot.curve(ellipse(mode, 1.0), "learnt");
+        let outline: Vec<_> = ellipse(mode, 1.0).iter().map(|(x, y)| plot.at(*x, *y)).collect();
+        plot.clipped(|panel| {
+            panel.path(outline.iter().copied(), "mode-halo");
+            panel.path(outline, "learnt");
+        });
     }
     let pixels: Vec<_> =
         modes.iter().map(|(mode, _)| plot.at(mode.mean[0], mode.mean[1])).collect();

@@ -27,7 +27,7 @@ pub fn figure(data: &ReportData) -> Figure {
         caption: format!(
             "Rollout {} from the side, {SLOWER:.0} times slower. Dotted: path of the {}.{springs}{}",
             data.learnt_rollout,
-            data.object,
+            data.followed(),
             links(data)
         ),
         rows,

@@ -32,7 +32,7 @@ pub fn html(data: &ReportData, figures: &[Figure]) -> String {
     let sections: String = (1..).zip(shown).map(|(n, figure)| figure.html(n)).collect();
     let (heading, about, verdict, terms) = match &data.pictures {
         Pictures::Toss => ("Learning to flip", ARM, summary::verdict(data), TERMS),
-        Pictures::Plane(_) => ("Searching for solutions", PLANE, summary::solutions(data), ""),
+        Pictures::Plane(_) => ("Searching for solutions", PLANE, summary::verdict(data), ""),
         Pictures::Plain if data.is_action() => {
             ("Searching for solutions", ACTION, summary::verdict(data), "")
         }

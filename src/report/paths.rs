@@ -13,13 +13,19 @@ pub fn figure(data: &ReportData) -> Figure {
         0 | 1 => Err(format!("the session holds no path of rollout {}.", data.learnt_rollout)),
         _ => Ok(vec![Row::Half(draw(data))]),
     };
+    let (tip, object, rollout) = (data.tip, data.object, data.learnt_rollout);
+    let lines = match object {
+        "" => format!("Solid: the {tip} in rollout {rollout}; grey: the {tip}"),
+        _ => format!(
+            "Solid: the {tip}; dashed: the {object} in rollout {rollout}; grey: the {object}"
+        ),
+    };
     Figure {
         stem: "paths",
         title: "Movement from the side",
         caption: format!(
-            "Side view; both axes have the same scale. Solid: the {}; dashed: the {} in rollout {}; grey: the {} \
-             in the first rollout, which imitates the demonstration. Dots mark the end of the learnt rollout.",
-            data.tip, data.object, data.learnt_rollout, data.object
+            "Side view; both axes have the same scale. {lines} in the first rollout, which imitates the \
+             demonstration. Dots mark the end of the learnt rollout."
         ),
         rows,
     }
@@ -30,6 +36,8 @@ const LEGEND: [Entry; 3] = [
     (Key::Line, "attractor", "object"),
     (Key::Line, "initial", "object, first rollout"),
 ];
+/// Where nothing but the tip is tracked.
+const TIP_LEGEND: [Entry; 2] = [LEGEND[0], (Key::Line, "initial", "tip, first rollout")];
 
 fn draw(data: &ReportData) -> Panel {
     let place = |position: [f32; 3]| (f64::from(position[X]), f64::from(position[Z]));
@@ -42,8 +50,9 @@ fn draw(data: &ReportData) -> Panel {
     let x = Axis::exactly("x (forward), m", all().map(|point| point.0));
     let z = Axis::exactly("z (up), m", all().map(|point| point.1));
     let (x, z, area) = equal_scale(x, z);
-    let alt = format!("paths of {} and {} from the side", data.tip, data.object);
-    let mut plot = Plot::new(Plot::outer_size(area, &LEGEND), &alt, x, z, &LEGEND);
+    let alt = format!("paths of {} and {} from the side", data.tip, data.followed());
+    let legend = if data.object.is_empty() { &TIP_LEGEND[..] } else { &LEGEND };
+    let mut plot = Plot::new(Plot::outer_size(area, legend), &alt, x, z, legend);
     plot.curve(first, "initial");
     plot.curve(object.iter().copied(), "attractor");
     plot.curve(tip.iter().copied(), "learnt");

@@ -25,33 +25,26 @@ pub fn figure(data: &ReportData) -> Figure {
     let rows = if data.trials.is_empty() {
         Err("the session has no rollout yet.".to_owned())
     } else {
-        let legend = match &data.pictures {
-            Pictures::Toss => &FLIP_LEGEND[..],
-            Pictures::Plane(_) => &PLAIN_LEGEND,
-            Pictures::Plain => &LEGEND,
+        let (legend, height) = match (data.success, &data.pictures) {
+            (None, _) => (&PLAIN_LEGEND[..], 300.0),
+            (Some(_), Pictures::Toss) => (&FLIP_LEGEND[..], 262.0),
+            (Some(_), _) => (&LEGEND[..], 262.0),
         };
-        Ok(match data.plane() {
-            // Beside the plane, or the movement.
-            Some(_) => vec![Row::Half(draw(data, legend, (HALF, 300.0)))],
-            None if !data.is_action() => vec![
-                Row::Half(draw(data, legend, (HALF, 262.0))),
-                Row::Half(draw_successes(data, (HALF, 122.0))),
-            ],
-            None => vec![
-                Row::wide(|width| draw(data, legend, (width, 300.0))),
-                Row::wide(|width| draw_successes(data, (width, 150.0))),
-            ],
-        })
-    };
-    let caption = match &data.pictures {
-        Pictures::Plane(_) => "One point per rollout.",
-        Pictures::Plain => {
-            "One point per rollout, filled where it was a success. Below: the share of successes \
-             among the last 10 rollouts."
+        let mut rows = vec![Row::Half(draw(data, legend, (HALF, height)))];
+        if data.success.is_some() {
+            rows.push(Row::Half(draw_successes(data, (HALF, 122.0))));
         }
-        Pictures::Toss => {
+        Ok(rows)
+    };
+    let caption = match (data.success, &data.pictures) {
+        (None, _) => "One point per rollout.",
+        (Some(_), Pictures::Toss) => {
             "One point per rollout, filled where the pancake was flipped and caught. Below: the \
              share of caught flips among the last 10 rollouts."
+        }
+        (Some(_), _) => {
+            "One point per rollout, filled where it was a success. Below: the share of successes \
+             among the last 10 rollouts."
         }
     };
     Figure { stem: "reward", title: "Learning curve", caption: caption.to_owned(), rows }
@@ -71,14 +64,14 @@ fn draw(data: &ReportData, legend: &[Entry], size: (f64, f64)) -> Panel {
     let best = best_so_far(trials);
     plot.curve(steps(&rollouts().zip(best).collect::<Vec<_>>()), "best");
     plot.curve(rollouts().zip(running_mean(rewards())).skip(WINDOW - 1), "mean");
-    if let Some(first) = trials.iter().find(|trial| trial.success) {
-        let name = format!("first {}: {}", data.success, first.rollout);
+    let first = trials.iter().find(|trial| trial.success);
+    if let Some((success, first)) = data.success.zip(first) {
+        let name = format!("first {success}: {}", first.rollout);
         plot.event(first.rollout as f64, 0, &name);
     }
-    let radius = if size.0 > HALF { 3.6 } else { 2.8 };
     for trial in trials {
         let class = if trial.success { "dot success" } else { "dot failure" };
-        plot.dot(trial.rollout as f64, trial.reward, radius, class);
+        plot.dot(trial.rollout as f64, trial.reward, 2.8, class);
     }
     plot.panel
 }

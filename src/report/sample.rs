@@ -87,7 +87,7 @@ pub fn session(n: u64) -> ReportData {
         pictures: Pictures::Toss,
         tip: "pan",
         object: "pancake",
-        success: "caught flip",
+        success: Some("caught flip"),
     }
 }
 

@@ -3,7 +3,7 @@
 use super::TrialRow;
 use super::origin::Origin;
 use super::reward::{WINDOW, running_mean};
-use crate::draw::figure::{Figure, Row};
+use crate::draw::figure::{Figure, HALF, Row};
 use crate::draw::plot::{Axis, Entry, Key, Plot};
 use crate::draw::svg::Panel;
 
@@ -14,8 +14,8 @@ pub struct Session {
     pub seed: u64,
     /// Its configuration as text, without what differs between repetitions.
     pub settings: String,
-    /// What a success is called.
-    pub success: &'static str,
+    /// What a success is called, where there is any.
+    pub success: Option<&'static str>,
     pub trials: Vec<TrialRow>,
     pub origin: Origin,
     /// From this page to its own.
@@ -116,24 +116,26 @@ fn figure(
 ) -> Figure {
     let curves: Vec<(&Kind<'_>, Vec<[f64; 3]>)> =
         kinds.iter().map(|kind| (kind, kind.quartiles(value))).collect();
+    let is_success = stem == "successes";
     let rows = match curves.iter().all(|(_, curve)| curve.is_empty()) {
         true => Err("no session has a rollout yet.".to_owned()),
-        false => {
-            Ok(vec![Row::wide(|width| draw(&curves, label, stem == "successes", (width, 300.0)))])
+        false if is_success && kinds.iter().all(|kind| kind.sessions[0].success.is_none()) => {
+            Err("these tasks have no success, only a reward.".to_owned())
         }
+        false => Ok(vec![Row::Half(draw(&curves, label, is_success, (HALF, 300.0)))]),
     };
     let names = kinds.iter().map(|kind| {
         let n = kind.sessions.len();
         format!("{}: {n} session{}", kind.name, if n == 1 { "" } else { "s" })
     });
     let names: Vec<String> = names.collect();
+    let names = if kinds.len() > 1 { format!(" {}.", names.join("; ")) } else { String::new() };
     Figure {
         stem,
         title,
         caption: format!(
             "Line: median over the sessions. Band: from the first to the third quartile. Each \
-             curve ends with the shortest of its sessions. {}.",
-            names.join("; ")
+             curve ends with the shortest of its sessions.{names}"
         ),
         rows,
     }

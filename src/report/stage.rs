@@ -85,11 +85,10 @@ pub fn moving(
     let course = Course::new(times, SLOWER, REST_S);
     let mut stage = Stage { prefix: prefix.into(), rest, tracks: Vec::new() };
 
-    let name = if data.object.is_empty() { data.tip } else { data.object };
-    let alt = format!(
-        "animation of rollout {}: arm, {} and {name} from the side",
-        film.rollout, data.tip
-    );
+    let bodies = [data.tip, data.object].map(str::to_owned);
+    let bodies = bodies.into_iter().filter(|name| !name.is_empty());
+    let bodies = bodies.collect::<Vec<_>>().join(" and ");
+    let alt = format!("animation of rollout {}: arm, {bodies} from the side", film.rollout);
     let mut panel = Panel::new(view.width(), view.height() + TIME_LINE, alt);
     let pans: Vec<Pose> = film.path.iter().map(|row| tip_pose(&view, row)).collect();
     panel.clipped((0.0, 0.0), (view.width(), view.height()), |panel| {
@@ -207,10 +206,11 @@ fn put_time_line(
     let [start, end] = [0, film.path.len() - 1].map(|row| f64::from(film.path[row].t_s));
     let across = |t_s: f64| 8.0 + (width - 16.0) * (t_s - start) / (end - start);
     panel.line((8.0, y), (width - 8.0, y), "axis");
-    let is_shown = film.rollout == data.learnt_rollout;
+    let trial = data.trials.iter().find(|trial| trial.rollout == film.rollout);
+    let measures = trial.map_or(&data.learnt_measures, |trial| &trial.measures);
     for name in ["release", "crossing"] {
-        let t_s = time(&data.learnt_measures, &format!("{name}_time_s"));
-        if is_shown && t_s > start && t_s <= end {
+        let t_s = time(measures, &format!("{name}_time_s"));
+        if t_s > start && t_s <= end {
             let x = across(t_s);
             panel.line((x, y - 5.0), (x, y + 5.0), "axis");
             // Away from each other: they may be close.

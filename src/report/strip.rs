@@ -16,6 +16,8 @@ use crate::draw::svg::{Anchor, Panel};
 
 /// Height of the text below a frame, px.
 const TEXT: f64 = 40.0;
+/// Height of a label above its mark, px.
+const LABEL: f64 = 15.0;
 /// Distance of the height marks, m.
 const HEIGHT_MARK: f64 = 0.2;
 
@@ -124,7 +126,8 @@ fn draw_heights(panel: &mut Panel, view: &View, labelled: bool) {
         let z = mark as f64 * HEIGHT_MARK;
         let y = view.at(&Vector3::new(view.x.0, 0.0, z)).1;
         panel.line((0.0, y), (view.width(), y), "grid");
-        if labelled {
+        // A label whose mark is at the very top would be cut off.
+        if labelled && y > LABEL {
             panel.text((4.0, y - 4.0), Anchor::Start, "tick", &fixed(z, 1));
         }
     }

@@ -18,10 +18,11 @@ pub fn best(trials: &[TrialRow]) -> Option<&TrialRow> {
 /// For example "First caught flip at rollout 23; 14 of the last 20 rollouts succeed; best reward
 /// 1.31 (rollout 87)."
 pub fn verdict(data: &ReportData) -> String {
-    let (trials, success) = (&data.trials, data.success);
+    let trials = &data.trials;
     let Some(best) = best(trials) else {
         return "No rollout has been recorded yet.".to_owned();
     };
+    let Some(success) = data.success else { return solutions(data) };
     let best = format!("best reward {} (rollout {})", fixed(best.reward, 2), best.rollout);
     let Some(first) = trials.iter().find(|trial| trial.success) else {
         return format!("No {success} in {}; {best}.", rollouts(trials.len()));
@@ -31,14 +32,20 @@ pub fn verdict(data: &ReportData) -> String {
     let which = if recent.len() < trials.len() { "the last " } else { "" };
     let succeed = if hits == 1 { "succeeds" } else { "succeed" };
     format!(
-        "First {success} at rollout {}; {hits} of {which}{} {succeed}{}; {best}.",
+        "First {success} at rollout {}; {hits} of {which}{} {succeed}{}; {best}{}.",
         first.rollout,
         rollouts(recent.len()),
-        means(recent)
+        means(recent),
+        solutions_found(data.modes.len())
     )
 }
 
-/// The verdict on a task without an arm: "2 solutions after 200 rollouts; best reward 0.981
+/// Worth a word where there are several.
+fn solutions_found(n: usize) -> String {
+    if n > 1 { format!("; {n} solutions") } else { String::new() }
+}
+
+/// The verdict where nothing counts as a success: "2 solutions after 200 rollouts; best reward 0.981
 /// (rollout 154)."
 pub fn solutions(data: &ReportData) -> String {
     let Some(best) = best(&data.trials) else {
@@ -84,10 +91,10 @@ fn rollouts(n: usize) -> String {
 /// The session, the shown rollout, and where both come from.
 pub fn tables(data: &ReportData) -> String {
     let (session, trial) = (session_rows(data), trial_rows(data));
-    let caption = if data.trials.iter().any(|trial| trial.success) {
-        format!("Best {}: rollout {}", data.success, data.learnt_rollout)
-    } else {
-        format!("Best rollout: {}", data.learnt_rollout)
+    let success = data.success.filter(|_| data.trials.iter().any(|trial| trial.success));
+    let caption = match success {
+        Some(success) => format!("Best {success}: rollout {}", data.learnt_rollout),
+        None => format!("Best rollout: {}", data.learnt_rollout),
     };
     let mut tables = table("Session", &session);
     if !trial.is_empty() && data.plane().is_none() {
@@ -108,8 +115,10 @@ fn session_rows(data: &ReportData) -> Vec<(String, String)> {
             rows.push(row("caught flips", successes(trials).to_string()));
             rows.push(row("dropped pancakes", with("dropped").to_string()));
         }
-        Pictures::Plain => rows.push(row("successes", successes(trials).to_string())),
-        Pictures::Plane(_) => {}
+        _ if data.success.is_some() => {
+            rows.push(row("successes", successes(trials).to_string()));
+        }
+        _ => {}
     }
     let exploits = with("exploit");
     if exploits > 0 {
@@ -199,7 +208,7 @@ mod tests {
         assert_eq!(
             verdict(&data),
             "First caught flip at rollout 9; 10 of the last 20 rollouts succeed; best reward 1.31 \
-             (rollout 26)."
+             (rollout 26); 2 solutions."
         );
     }
 
@@ -207,6 +216,7 @@ mod tests {
     fn the_verdict_of_short_sessions() {
         let mut data = sample::session(1);
         (data.trials[0].success, data.trials[0].reward) = (true, 1.0);
+        data.modes.clear();
         assert_eq!(
             verdict(&data),
             "First caught flip at rollout 1; 1 of 1 rollout succeeds; best reward 1.00 (rollout 1)."

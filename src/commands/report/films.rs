@@ -13,7 +13,7 @@ use shm_types::episode::TickRecord;
 
 use crate::commands::replay::{Again, Replayed};
 use crate::config::Config;
-use crate::report::{Film, Links, Look};
+use crate::report::{Film, Links, Look, followed};
 use crate::setup;
 
 /// Shows rollouts of a session.
@@ -34,11 +34,11 @@ impl<'a> Projector<'a> {
         Projector { store, trials, again, arm }
     }
 
-    /// The path of a rollout.
+    /// The path of a rollout; that of the tip in place of an object where none is tracked.
     pub fn path(&self, rollout: u64) -> Result<Vec<PathRow>> {
         let rows = self.store.path(rollout)?.unwrap_or_default();
         let is_vector = self.store.meta().learner.orientation.is_vector();
-        Ok(if is_vector { rows } else { unwrapped(rows) })
+        Ok(followed(if is_vector { rows } else { unwrapped(rows) }))
     }
 
     /// A rollout, whether its postures are those of its joints, and what it was executed again as.

@@ -19,6 +19,7 @@ use crate::config::Config;
 use crate::provenance;
 use crate::report::{
     Film, LinkTo, ModeRow, Origin, Pictures, ReportData, Robustness, Session, Term, TrialRow,
+    follows_tip,
 };
 use crate::session_folder::SessionFolder;
 use crate::{judging, setup};
@@ -63,6 +64,7 @@ pub fn session(
     };
     let mut projector = Projector::new(&store, &config, &trials);
     let (film, replayed) = projector.film(learnt_rollout)?;
+    let object = if follows_tip(&film.path) { "" } else { object };
     let look = projector.look(&config, replayed.is_some());
     let recorded = shown.zip(replayed.as_ref());
     let files = files(folder, dir, recorded, &config)?;
@@ -88,7 +90,7 @@ pub fn session(
         pictures: (task.pictures)(&config),
         tip,
         object,
-        success: config.success()?.unwrap_or("success"),
+        success: config.success()?,
         terms: judging::judge(&config).map_or_else(
             |_| Vec::new(),
             |judge| terms(&judge.keeping(&store.meta().measures), &trials),
@@ -111,7 +113,7 @@ pub fn sessions(folders: &[SessionFolder], dir: &Path) -> Result<Vec<Session>> {
             task: store.meta().task.clone(),
             seed: store.meta().learner.seed,
             settings: settings(&config)?,
-            success: config.success()?.unwrap_or("success"),
+            success: config.success()?,
             trials: store.trials()?.iter().map(trial_row).collect(),
             origin: origin(folder),
             page,
