@@ -38,11 +38,16 @@ pub fn json_line(value: &impl serde::Serialize) -> Result<String> {
     Ok(format!("{}\n", fields::versioned(value)?))
 }
 
-/// Writes a file that is not there yet; it appears whole or not at all.
+/// Writes a file that is not there yet.
 pub fn write_new(path: &Path, text: &str) -> Result<()> {
     if path.exists() {
         bail!("{}: exists already: choose another name, or remove it first", path.display());
     }
+    write(path, text)
+}
+
+/// Writes a file; it appears whole or not at all, also in place of another one.
+pub fn write(path: &Path, text: &str) -> Result<()> {
     let name = path.file_name().with_context(|| format!("{}: not a file", path.display()))?;
     let draft = path.with_file_name(format!(".{}.new", name.to_string_lossy()));
     std::fs::write(&draft, text).and_then(|()| std::fs::rename(&draft, path)).with_context(|| {

@@ -37,6 +37,22 @@ pub const ALL: [Robot; 4] = [
     robot!("ur10e", "Universal Robots UR10e, six joints"),
 ];
 
+/// The folder of the demonstrations in a clone.
+const DEMOS: &str = "demos";
+
+/// Names and contents of the demonstrations of a flip that come with the tool.
+pub fn demonstrations() -> impl Iterator<Item = (String, &'static str)> {
+    let first = ("pancake.csv".to_owned(), include_str!("../demos/pancake.csv"));
+    let others =
+        ALL.iter().map(|robot| (format!("{}_{}.csv", robot.task, robot.name), robot.demonstration));
+    std::iter::once(first).chain(others).map(|(name, text)| (format!("{DEMOS}/{name}"), text))
+}
+
+/// What `demos/…` holds without a clone.
+pub fn demonstration(path: &Path) -> Option<&'static str> {
+    demonstrations().find(|(name, _)| path == Path::new(name)).map(|(_, text)| text)
+}
+
 impl Robot {
     pub fn find(name: &str) -> Result<&'static Robot> {
         let names = || ALL.each_ref().map(|robot| robot.name).join(", ");

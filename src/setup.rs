@@ -17,6 +17,7 @@ use shm_types::equipment::Equipment;
 use shm_types::text;
 
 use crate::config::Config;
+use crate::demo::Effort;
 use crate::holding;
 
 /// Farthest the demonstration may begin from the pan's start, m and rad.
@@ -138,6 +139,17 @@ pub fn check(config: &Config) -> Result<Vec<Demonstration>> {
     Ok(demonstrations)
 }
 
+/// Which demonstrations are too fast for the arm, and what to do. Not an error: it follows from one of the ways in
+/// which the joints may move, and the loop keeps to its limits by itself.
+pub fn too_fast(config: &Config, demonstrations: &[Demonstration]) -> Result<Vec<String>> {
+    if !config.has_arm() {
+        return Ok(Vec::new());
+    }
+    let model = arm(config)?;
+    let speed = |one: &Demonstration| check_speed(config, &model, one).err();
+    Ok(demonstrations.iter().filter_map(speed).map(|error| format!("{error:#}")).collect())
+}
+
 /// That a demonstration is as long as the first one of its session.
 pub fn check_as_long(demonstration: &Demonstration, first: &Demonstration) -> Result<()> {
     let (found, expected) = (demonstration.duration_s(), first.duration_s());
@@ -150,6 +162,16 @@ pub fn check_as_long(demonstration: &Demonstration, first: &Demonstration) -> Re
         );
     }
     Ok(())
+}
+
+/// [`check_demonstration`], and that no joint has to be faster or stronger than it is.
+pub fn check_followed(
+    config: &Config,
+    model: &ArmModel,
+    demonstration: &Demonstration,
+) -> Result<()> {
+    check_demonstration(config, model, demonstration)?;
+    check_speed(config, model, demonstration)
 }
 
 /// That the arm can follow it from the start posture, and that a rollout of it fits into an episode.
@@ -196,15 +218,49 @@ pub fn read_demonstration(path: &Path) -> Result<Demonstration> {
 /// A rollout of the demonstration's length fits into an episode.
 fn check_duration(config: &Config, demonstration: &Demonstration) -> Result<()> {
     let duration = demonstration.duration_s();
-    let records = records_needed(duration, &config.controller);
-    if records > MAX_RECORDS {
+    if records_needed(duration, &config.controller) > MAX_RECORDS {
         bail!(
-            "{}: lasts {duration:.2} s; with controller.settle_s that is {records} ticks of \
-             controller.period_us, and an episode holds {MAX_RECORDS}: shorten it or change them",
-            demonstration.file()
+            "{}: lasts {duration:.2} s, and at most {:.2} s fit into an episode of {MAX_RECORDS} ticks beside \
+             controller.settle_s = {}: cut it (`skillet demo convert --start --end`), or lower settle_s",
+            demonstration.file(),
+            longest_s(config),
+            config.controller.settle_s
         );
     }
     Ok(())
+}
+
+/// The longest demonstration of which a rollout fits into an episode, s.
+fn longest_s(config: &Config) -> f64 {
+    let controller = &config.controller;
+    let records_s = controller.period_s() * controller.record_stride() as f64;
+    // Two more than its duration needs.
+    (MAX_RECORDS - 2) as f64 * records_s - controller.settle_s
+}
+
+/// That no joint has to be faster or stronger than it is.
+fn check_speed(config: &Config, model: &ArmModel, demonstration: &Demonstration) -> Result<()> {
+    let effort = Effort::of(model, &config.plant.start_posture(), demonstration)?;
+    if effort.is_within_limits() {
+        return Ok(());
+    }
+    let remedy = slower(config, demonstration.duration_s(), effort.slower());
+    Err(effort.excess(demonstration.file(), &remedy))
+}
+
+/// What to do with a demonstration of `duration_s` that has to be `slow` times slower.
+pub fn slower(config: &Config, duration_s: f64, slow: f64) -> String {
+    let (slowed, longest) = (slow * duration_s, longest_s(config));
+    if slowed <= longest {
+        return format!(
+            "convert it with --slow {slow}, slow enough for its limits; --smooth-s takes noise out of a \
+             recording"
+        );
+    }
+    format!(
+        "{slow} times slower it would last {slowed:.2} s, and {longest:.2} s fit into an episode: use one that \
+         was made for a similar arm, or another start posture (`skillet arm check --seed 2`)"
+    )
 }
 
 /// Quaternions may turn any way; what sees rotation vectors is given those.

@@ -166,6 +166,25 @@ fn an_arm_that_cannot_hold_itself_is_refused_before_anything_starts() {
     assert!(balanced["demonstration_misfit"].is_string(), "{balanced}");
 }
 
+/// The WAM's own demonstration is too fast for it, and slowed down it is too long.
+#[test]
+fn an_arm_gets_the_demonstration_that_it_can_follow_and_learns_from_it() {
+    let bench = Bench::new();
+    bench.write("panda.urdf", include_str!("../robots/panda/panda_pan.urdf"));
+    let checked = check(&bench, &["panda.urdf"], 0);
+    assert!(checked["demonstration_misfit"].as_str().unwrap().contains("fit into an episode"));
+    let name = checked["demonstration"].as_str().expect("one that comes with the tool");
+    let said = bench.ok(&["arm", "check", "panda.urdf", "--out", "my.toml"]);
+    let convert =
+        ["demo", "convert", name, "--at-start", "--config", "my.toml", "--out", "my_demo.csv"];
+    assert!(said.contains(&convert.join(" ")), "{said}");
+    // There is no such folder here: the tool brings it along.
+    bench.ok(&convert);
+    bench.ok(&["config", "--check", "my.toml"]);
+    bench.ok(&["learn", "pancake", "--config", "my.toml", "--rollouts", "2", "--out", "s"]);
+    bench.refused(&["demo", "convert", "demos/none.csv", "--out", "d.csv"], &["demos/none.csv"]);
+}
+
 /// The start is easy, the demonstration leads where the arm cannot be held.
 #[test]
 fn a_demonstration_that_cannot_be_held_is_refused_with_its_place() {

@@ -46,6 +46,9 @@ fn nothing_is_overwritten_and_what_the_arm_cannot_do_is_said() {
     let said = String::from_utf8(output.stdout).unwrap();
     assert!(said.contains("NOT FOR THIS ARM") && said.contains("begins 0.280 m"), "{said}");
     assert!(bench.path("far.csv").exists(), "written all the same");
+    bench.write("recording.csv", DEMONSTRATION);
+    bench.refused(&import("far.csv"), &["far.csv", "exists already", "--force"]);
+    bench.ok(&[&import("far.csv")[..], &["--force"]].concat());
     let left: Vec<_> = std::fs::read_dir(bench.path(".")).unwrap().flatten().collect();
     let drafts = left.iter().filter(|file| file.file_name().to_string_lossy().ends_with(".new"));
     assert_eq!(drafts.count(), 0);
@@ -184,7 +187,7 @@ fn a_demonstration_too_fast_for_the_arm_is_refused_with_the_place_and_a_factor()
     let output = import(&["--out", "fast.csv", "--json"]);
     assert_eq!(output.status.code(), Some(1));
     let printed: Value = serde_json::from_slice(&output.stdout).unwrap();
-    assert_eq!(printed["fits_arm"], false);
+    assert_eq!((&printed["fits_arm"], &printed["file"]), (&false.into(), &"fast.csv".into()));
     let torque = &printed["joint_torque_peak"];
     assert!(torque["value"].as_f64() > torque["limit"].as_f64(), "{torque}");
     assert!(torque["joint"].is_string() && torque["t_s"].as_f64() > Some(0.0));
@@ -192,6 +195,19 @@ fn a_demonstration_too_fast_for_the_arm_is_refused_with_the_place_and_a_factor()
     for word in ["too fast", "joint ", "at t = 0.", "its limit is", "--slow "] {
         assert!(misfit.contains(word), "no '{word}' in: {misfit}");
     }
+    // Where it is used all the same, the same is said.
+    bench.write("fast.toml", "[task]\ndemonstration = \"fast.csv\"\n");
+    let checked = bench.run(&["config", "--check", "fast.toml"]);
+    assert_eq!(checked.status.code(), Some(1));
+    let said = String::from_utf8(checked.stdout).unwrap();
+    assert!(said.contains("FAILED  task.demonstration") && said.contains("too fast"), "{said}");
+    let learn = ["learn", "pancake", "--config", "fast.toml", "--rollouts", "1", "--out", "s"];
+    let said = util::stderr(&bench.run(&learn));
+    let warned = |said: &str| said.contains("warning: ") && said.contains("too fast for this arm");
+    assert!(warned(&said) && said.contains("fast.csv"), "{said}");
+    let said = util::stderr(&bench.run(&["learn", "pancake", "--rollouts", "2", "--out", "s"]));
+    assert!(!warned(&said), "once, where the session begins: {said}");
+
     // The factor it gives is enough.
     let factor = misfit.split("--slow ").nth(1).unwrap().split(',').next().unwrap();
     let output = import(&["--out", "slow.csv", "--slow", factor]);

@@ -49,7 +49,7 @@ fn a_rollback_keeps_the_pin_is_counted_and_says_who_waits() {
     assert_eq!((&status_now["rollbacks"], &status_now["pinned"]), (&1.into(), &true.into()));
     assert_eq!(status_now["pin_restored"], false);
     let text = bench.ok(&["status", "--cell", "c1"]);
-    assert!(text.contains(waits) && text.contains("1 rollbacks"), "{text}");
+    assert!(text.contains(waits) && text.contains("rolled back once"), "{text}");
     let watched = bench.ok(&["watch", "--cell", "c1", "--json", "--duration-s", "2"]);
     assert!(watched.contains(waits), "{watched}");
 

@@ -55,7 +55,8 @@ pub enum ChannelError {
     #[error("channel {service}: {action} failed ({reason}): {advice}")]
     Service { service: &'static str, action: &'static str, reason: String, advice: String },
     #[error(
-        "no controller in the cell '{cell}' after {seconds:.1} s: start one with `skillet controller --cell {cell}`"
+        "no controller in the cell '{cell}' after {seconds:.1} s: start the cell with `skillet cell up {cell}`, or a \
+         controller alone with `skillet controller --cell {cell}`"
     )]
     NoController { cell: String, seconds: f64 },
     #[error(

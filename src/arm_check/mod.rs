@@ -11,26 +11,27 @@ pub mod report;
 use anyhow::Result;
 use learner::Demonstration;
 use nalgebra::Isometry3;
-use physics::arm::ArmModel;
 use physics::arm::start_posture::{self, Attitude, StartPosture};
 use physics::arm::urdf::{self, ChainCandidate, LoadedArm, UrdfError};
+use physics::arm::{ArmModel, kinematics};
 
 use crate::cli::arm::CheckArgs;
 use crate::config::Config;
 use crate::config::plant::PanConfig;
-use crate::demo::Effort;
+use crate::demo::{self, Options};
+use crate::robots;
 use crate::setup::{self, MAX_TURN_RAD};
 use mounting::{Mounting, mountings};
 
 /// Pans that are tried, kg, the heaviest first.
 const PAN_MASSES: [f64; 4] = [0.5, 0.3, 0.15, 0.05];
-/// What a mounting is worth from whose postures the built-in demonstration cannot be followed.
+/// What a mounting is worth from whose postures no demonstration can be followed.
 const MISFIT_BONUS: f64 = 0.2;
 /// Share of a torque limit that holding may take; a heavier pan than that is not suggested.
 const COMFORT: f64 = 0.6;
 /// Room around the start that a workspace leaves, m.
 const ROOM_M: f64 = 0.6;
-/// Postures that the built-in demonstration is tried from.
+/// Postures that each demonstration is tried from.
 const TRIED: usize = 30;
 
 const NOT_LEVEL: &str = "no posture within the joints' limits brings the pan level";
@@ -42,6 +43,8 @@ pub struct Checked {
     pub posture: StartPosture,
     /// Why the built-in demonstration, begun at the start posture, does not fit the arm.
     pub misfit: Option<String>,
+    /// A demonstration that comes with the tool and fits, moved to the start.
+    pub demonstration: Option<String>,
     pub candidates: Vec<ChainCandidate>,
 }
 
@@ -88,8 +91,26 @@ pub fn run(text: &str, args: &CheckArgs) -> Result<Checked, Refusal> {
     let (mut config, arm, posture) = found;
     fit_workspace(&mut config, &arm.model, &posture);
     config.validate()?;
-    let misfit = misfit(&config, &arm.model, &posture).err().map(|error| format!("{error:#}"));
-    Ok(Checked { config, arm, posture, misfit, candidates })
+    let built_in = setup::built_in_demonstration(&config)?;
+    let misfit = misfit(&config, &arm.model, &posture, &built_in).err();
+    let misfit = misfit.map(|error| format!("{error:#}"));
+    let demonstration = fitting(&config, &arm.model);
+    Ok(Checked { config, arm, posture, misfit, demonstration, candidates })
+}
+
+/// The first demonstration that comes with the tool and that the arm can follow from its start.
+fn fitting(config: &Config, model: &ArmModel) -> Option<String> {
+    let options = Options {
+        at_start: Some(kinematics::tip_pose(model, &config.plant.start_posture())),
+        ..Options::default()
+    };
+    let fits = |name: &str, text: &str| -> Result<()> {
+        let moved = demo::import(name, text.as_bytes(), model, &options)?;
+        let demonstration = Demonstration::parse(name, &moved.csv())?;
+        setup::check_followed(config, model, &demonstration)
+    };
+    let mut all = robots::demonstrations();
+    all.find(|(name, text)| fits(name, text).is_ok()).map(|(name, _)| name)
 }
 
 type Found = (Config, LoadedArm, StartPosture);
@@ -104,7 +125,9 @@ fn as_it_is(text: &str, mut config: Config, args: &CheckArgs) -> Result<Found, R
         level
     };
     let postures = if aligned.is_empty() { level() } else { aligned };
-    let fits = |posture: &StartPosture| misfit(&config, &arm.model, posture).is_ok();
+    let fits = |posture: &StartPosture, demonstration: &Demonstration| {
+        misfit(&config, &arm.model, posture, demonstration).is_ok()
+    };
     let (posture, _) = best(&arm.model, &postures, fits).map_err(Refusal::NoPosture)?;
     config.plant.start_posture_rad = rounded(&posture, arm.model.n_joints());
     Ok((config, arm, posture))
@@ -159,9 +182,9 @@ fn mounted(
         let rotation = pose.rotation * posture.X_WP.rotation.inverse();
         Isometry3::from_parts(pose.translation, rotation)
     };
-    let fits = |posture: &StartPosture| {
+    let fits = |posture: &StartPosture, demonstration: &Demonstration| {
         let ahead = model.with_tip_offset(&turned(model.tip_offset(), posture));
-        misfit(&config, &ahead, posture).is_ok()
+        misfit(&config, &ahead, posture, demonstration).is_ok()
     };
     let (mut posture, fits) = best(&model, &postures, fits).map_err(Refusal::NoPosture)?;
     let worth = posture.score * mounting.bonus * if fits { 1.0 } else { MISFIT_BONUS };
@@ -173,20 +196,23 @@ fn mounted(
     Ok(((config, arm, posture), worth))
 }
 
-/// The first of the postures that the motors hold and from which the built-in demonstration can be
-/// followed; else the best that is held. And whether it can be followed.
+/// The first of the postures that the motors hold and from which the built-in demonstration can be followed, or
+/// another that comes with the tool; else the best that is held. And whether one can be followed.
 fn best(
     model: &ArmModel,
     postures: &[StartPosture],
-    fits: impl Fn(&StartPosture) -> bool,
+    fits: impl Fn(&StartPosture, &Demonstration) -> bool,
 ) -> Result<(StartPosture, bool), String> {
     let Some(first) = postures.first() else {
         return Err(NOT_LEVEL.into());
     };
     let held = |p: &&StartPosture| start_posture::largest_share(model, &p.holding) < 1.0;
     let mut all = postures.iter().filter(held).take(TRIED);
-    if let Some(fitting) = all.clone().find(|posture| fits(posture)) {
-        return Ok((*fitting, true));
+    for (name, text) in robots::demonstrations() {
+        let demonstration = Demonstration::parse(&name, text).map_err(|error| error.to_string())?;
+        if let Some(fitting) = all.clone().find(|posture| fits(posture, &demonstration)) {
+            return Ok((*fitting, true));
+        }
     }
     if let Some(best) = all.next() {
         return Ok((*best, false));
@@ -194,9 +220,13 @@ fn best(
     Err(format!("{:#}", crate::holding::check(model, &first.q).expect_err("it cannot be held")))
 }
 
-/// Follows the built-in demonstration, begun at the pan of the posture, at its speed.
-fn misfit(config: &Config, model: &ArmModel, posture: &StartPosture) -> Result<()> {
-    let demonstration = setup::built_in_demonstration(config)?;
+/// Follows a demonstration, begun at the pan of the posture, at its speed.
+fn misfit(
+    config: &Config,
+    model: &ArmModel,
+    posture: &StartPosture,
+    demonstration: &Demonstration,
+) -> Result<()> {
     let poses = demonstration.poses();
     let p = posture.X_WP.translation.vector;
     let from_start = [p.x - poses[0][0], p.y - poses[0][1], p.z - poses[0][2]];
@@ -206,13 +236,11 @@ fn misfit(config: &Config, model: &ArmModel, posture: &StartPosture) -> Result<(
         let t = i as f64 * demonstration.period_s();
         csv += &format!("{t:.6},{x:.9},{y:.9},{z:.9},{:.9}\n", pose[3]);
     }
-    let begun =
-        Demonstration::parse("the built-in demonstration, begun at the start posture", &csv)?;
+    let name = format!("{}, begun at the start posture", demonstration.file());
+    let begun = Demonstration::parse(&name, &csv)?;
     let mut config = config.clone();
     config.plant.start_posture_rad = posture.q.as_slice()[..model.n_joints()].to_vec();
-    setup::check_demonstration(&config, model, &begun)?;
-    let effort = Effort::of(model, &config.plant.start_posture(), &begun)?;
-    if effort.is_within_limits() { Ok(()) } else { Err(effort.excess(begun.file(), None)) }
+    setup::check_followed(&config, model, &begun)
 }
 
 /// Lets the pan move around the start of a large arm, or of one that hangs.

@@ -1,7 +1,6 @@
 //! The result of `skillet arm check`, for people and for machines.
 
 use std::fmt::Write;
-use std::path::PathBuf;
 
 use anyhow::Result;
 use physics::arm::start_posture::{largest_share, reach};
@@ -57,35 +56,46 @@ pub fn text(checked: &Checked, args: &CheckArgs) -> Result<String> {
     }
     let p = posture.X_WP.translation.vector;
     writeln!(out, "\nstart    pan level at ({:.3}, {:.3}, {:.3}) m", p.x, p.y, p.z)?;
-    match &checked.misfit {
-        None => writeln!(out, "demo     the built-in one is feasible from there")?,
-        Some(misfit) => writeln!(out, "demo     not the built-in one: {misfit}")?,
+    match (&checked.misfit, &checked.demonstration) {
+        (None, _) => writeln!(out, "demo     the built-in one is feasible from there")?,
+        (Some(_), Some(other)) => writeln!(out, "demo     {other} is feasible from there")?,
+        (Some(misfit), None) => {
+            writeln!(out, "demo     none that comes with the tool is feasible: {misfit}")?;
+        }
     }
     checked.arm.notes.iter().try_for_each(|note| writeln!(out, "warning: {note}"))?;
     for candidate in other_chains(checked, args) {
         writeln!(out, "another chain: --tip {}{}", candidate.0, candidate.1)?;
     }
-    let config: PathBuf = match &args.out {
-        Some(path) => {
-            writeln!(out, "\nwritten  {}", path.display())?;
-            path.clone()
-        }
+    match &args.out {
+        Some(path) => writeln!(out, "\nwritten  {}", path.display())?,
         None => {
-            writeln!(out, "\nConfiguration, for example as my.toml:\n")?;
+            writeln!(out, "\nConfiguration:\n")?;
             out += &checked.configuration(None)?;
-            "my.toml".into()
         }
-    };
+    }
+    out += &next(checked, args);
+    Ok(out)
+}
+
+/// The commands that lead from here to a learnt skill.
+fn next(checked: &Checked, args: &CheckArgs) -> String {
+    let config = args.out.clone().unwrap_or_else(|| "my.toml".into());
     // The configuration names it, relative to itself.
     let demonstration = config.with_file_name(DEMONSTRATION);
     let (config, demonstration) = (config.display(), demonstration.display());
-    writeln!(out, "\nNext, with demos/pancake.csv or your own recording:\n")?;
-    writeln!(
-        out,
-        "  skillet demo convert demos/pancake.csv --at-start --config {config} --out {demonstration}"
-    )?;
-    writeln!(out, "  skillet learn pancake --config {config}")?;
-    Ok(out)
+    let (recording, whose) = match &checked.demonstration {
+        Some(name) => (name.as_str(), ", with this demonstration or your own recording"),
+        None => ("recording.csv", ", with your own recording (docs/own-demonstration.md)"),
+    };
+    let write = match args.out {
+        Some(_) => String::new(),
+        None => "  (this command again, with --out my.toml)\n".into(),
+    };
+    format!(
+        "\nNext{whose}:\n\n{write}  skillet demo convert {recording} --at-start --config {config} --out \
+         {demonstration}\n  skillet learn pancake --config {config}\n"
+    )
 }
 
 /// Tip and flags of the chains that were not chosen.
@@ -144,6 +154,7 @@ pub fn json(checked: &Checked, args: &CheckArgs) -> Result<Value> {
         "holding_share_max": largest_share(model, &posture.holding),
         "dexterity": posture.dexterity,
         "demonstration_misfit": checked.misfit,
+        "demonstration": checked.demonstration,
         "warnings": warnings,
         "chains": chains,
         "configuration": checked.configuration(None)?,

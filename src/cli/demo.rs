@@ -50,7 +50,7 @@ Examples:
 
 Reads any text table: commas, semicolons, tabs, spaces or | between columns, decimal point or comma,
 UTF-8, UTF-16 or Latin-1, comments after #, % or //. Columns may be in any order; others are ignored:
-  t_s (or _ms, _us, _ns)   time, also since 1970, and either
+  t_s (or _ms, _us, _ns)   time (also Unix time), and either
   q1_rad, q2_rad, …        joints of the configured arm (or _deg)
   x_m, y_m, z_m            tip in the world frame (or _cm, _mm), and its orientation:
                            pitch_rad, roll_rad, yaw_rad (or _deg; y, x, z of the rotation vector,
@@ -63,20 +63,23 @@ lengths are in m and angles in rad; the unit of time is inferred from the step s
 
 A dmpbbo Dmp, written with savejson_for_cpp, is integrated from its start over its _tau. 3 coordinates are x, y, z; 4
 add pitch; 6 add roll and yaw; one per joint of the arm are joint angles. --columns x_mm=y1,y_mm=y2,z_mm=y3 overrides
-this. The learner refits it: with learner.encoding = dmp as a primitive, with its own gains.
+this. The learner refits the movement; learner.encoding = dmp gives a primitive with the learner's own gains.
 
-Exits 1 if the file is written but the configured arm cannot follow it: out of reach, or faster than its
-joint speeds and torques allow.")]
+Exits 1 if the file is written but the configured arm cannot follow it: out of reach, too long for an episode,
+or faster than its joint speeds and torques allow.")]
 pub struct ImportArgs {
     /// Recording (CSV or any text table), or a dmpbbo primitive (JSON)
     pub file: PathBuf,
-    /// Demonstration to write; never overwrites a file
+    /// Demonstration to write
     #[arg(long)]
     pub out: PathBuf,
+    /// Overwrite the file if it exists
+    #[arg(long)]
+    pub force: bool,
     /// Sample rate of the result, Hz
     #[arg(long, default_value_t = 100.0, value_parser = rate)]
     pub rate_hz: f64,
-    /// Smooth with local parabolas, Gaussian weights of this standard deviation, s
+    /// Smooth with local parabolas; standard deviation of their Gaussian weights, s
     #[arg(long, value_parser = positive)]
     pub smooth_s: Option<f64>,
     /// Start of the movement, s since the first row of the recording

@@ -1,5 +1,7 @@
 //! `skillet demo`: demonstrations from recordings, and for sessions.
 
+use std::io::ErrorKind;
+
 use anyhow::{Context, Result, bail};
 use learner::Demonstration;
 use physics::arm::{ArmModel, kinematics};
@@ -8,10 +10,10 @@ use crate::Verdict;
 use crate::cli::demo::{AddArgs, DemoArgs, DemoVerb, ImportArgs};
 use crate::config::Config;
 use crate::demo::{self, Effort, Options, Summary};
-use crate::output::{print, print_json, write_new};
+use crate::output::{print, print_json, write};
 use crate::session_folder::SessionFolder;
 use crate::stderr::say;
-use crate::{fields, holding, people, setup};
+use crate::{fields, holding, people, robots, setup};
 
 pub fn run(args: &DemoArgs) -> Result<Verdict> {
     match &args.verb {
@@ -32,12 +34,8 @@ fn add(args: &AddArgs) -> Result<Verdict> {
         .with_context(|| format!("{file}: cannot read the demonstration; check the path"))?;
     let demonstration = Demonstration::parse(&file, &text)?;
     let model = setup::arm(&config)?;
-    setup::check_demonstration(&config, &model, &demonstration)?;
+    setup::check_followed(&config, &model, &demonstration)?;
     setup::check_as_long(&demonstration, &setup::demonstrations(&config)?[0])?;
-    let effort = Effort::of(&model, &config.plant.start_posture(), &demonstration)?;
-    if !effort.is_within_limits() {
-        return Err(effort.excess(&file, None));
-    }
     let answer = people::show(&folder, &args.file, text)?;
     if args.json {
         print_json(&answer.json())?;
@@ -48,6 +46,10 @@ fn add(args: &AddArgs) -> Result<Verdict> {
 }
 
 fn import(args: &ImportArgs) -> Result<Verdict> {
+    let (out, is_taken) = (args.out.display(), args.out.exists() && !args.force);
+    if is_taken {
+        bail!("{out}: exists already: choose another name, or overwrite it with --force");
+    }
     let config = Config::load(args.config.as_deref())?;
     if !config.has_arm() {
         bail!(
@@ -59,8 +61,12 @@ fn import(args: &ImportArgs) -> Result<Verdict> {
     let model = setup::arm(&config)?;
     holding::check_start(&config, &model)?;
     let file = args.file.display().to_string();
-    let bytes = std::fs::read(&args.file)
-        .with_context(|| format!("{file}: cannot read the recording; check the path"))?;
+    let bytes = match (std::fs::read(&args.file), robots::demonstration(&args.file)) {
+        (Err(error), Some(text)) if error.kind() == ErrorKind::NotFound => text.into(),
+        (bytes, _) => {
+            bytes.with_context(|| format!("{file}: cannot read the recording; check the path"))?
+        }
+    };
     let q0 = config.plant.start_posture();
     let options = Options {
         rate_hz: args.rate_hz,
@@ -81,10 +87,11 @@ fn import(args: &ImportArgs) -> Result<Verdict> {
         .and_then(|()| Effort::of(&model, &q0, &demonstration));
     let too_fast = effort.as_ref().ok().filter(|effort| !effort.is_within_limits()).map(|effort| {
         let slow = slow_enough(&file, &bytes, &config, &model, &options, effort);
-        effort.excess(demonstration.file(), slow)
+        let as_recorded_s = demonstration.duration_s() / options.slow;
+        effort.excess(demonstration.file(), &setup::slower(&config, as_recorded_s, slow))
     });
     let misfit = effort.as_ref().err().or(too_fast.as_ref());
-    write_new(&args.out, &csv)?;
+    write(&args.out, &csv)?;
     let summary = Summary {
         out: &args.out,
         imported: &imported,
@@ -101,7 +108,7 @@ fn import(args: &ImportArgs) -> Result<Verdict> {
 }
 
 /// A factor for --slow with which the arm can follow. Samples of a slower movement show more of it, so
-/// each factor is tried.
+/// each factor is tried, as long as the movement is not too slow to be a demonstration.
 fn slow_enough(
     file: &str,
     bytes: &[u8],
@@ -109,20 +116,20 @@ fn slow_enough(
     model: &ArmModel,
     options: &Options,
     effort: &Effort,
-) -> Option<f64> {
-    let (mut options, mut effort) = (options.clone(), effort.clone());
+) -> f64 {
+    let mut options = options.clone();
+    let mut slower = effort.slower();
     for _ in 0..10 {
-        options.slow = (10.0 * options.slow * effort.slow).floor() / 10.0 + 0.1;
         // One decimal is enough to type.
-        options.slow = (10.0 * options.slow).round() / 10.0;
-        let imported = demo::import(file, bytes, model, &options).ok()?;
-        let demonstration = Demonstration::parse(file, &imported.csv()).ok()?;
-        effort = Effort::of(model, &config.plant.start_posture(), &demonstration).ok()?;
-        if effort.is_within_limits() {
-            // Nor may it last longer than a rollout.
-            let fits = setup::check_demonstration(config, model, &demonstration).is_ok();
-            return fits.then_some(options.slow);
+        options.slow = (10.0 * options.slow * slower).ceil() / 10.0;
+        let effort = demo::import(file, bytes, model, &options).and_then(|imported| {
+            let demonstration = Demonstration::parse(file, &imported.csv())?;
+            Effort::of(model, &config.plant.start_posture(), &demonstration)
+        });
+        match effort {
+            Ok(effort) if !effort.is_within_limits() => slower = effort.slower(),
+            _ => break,
         }
     }
-    None
+    options.slow
 }

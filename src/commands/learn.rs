@@ -8,6 +8,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
+use learner::Demonstration;
 use learner::compliance::ComplianceConfig;
 use learner::learner::judged_by as judged_by_so_far;
 use learner::parameters::PolicyIds;
@@ -132,8 +133,8 @@ fn prepare(args: &LearnArgs) -> Result<(SessionFolder, Config)> {
     if folder.has_session() {
         folder.expect_same_world(&config)?;
     }
-    setup::arm_notes(&config)?.iter().for_each(|note| say(&format!("warning: {note}")));
     let demonstrations = setup::check(&config)?;
+    warn(&config, &demonstrations, !folder.has_session())?;
     judging::judge(&config)?;
     config.task.judge.as_ref().map_or(Ok(()), command::check)?;
     if config.has_arm() && !Store::exists(&folder.database()) {
@@ -155,6 +156,16 @@ fn prepare(args: &LearnArgs) -> Result<(SessionFolder, Config)> {
     }
     folder.write(&config)?;
     Ok((folder, Config::load(Some(&stored))?))
+}
+
+/// Says what is assumed of the arm and, where the session is new, which demonstrations it can hardly follow.
+fn warn(config: &Config, demonstrations: &[Demonstration], is_new: bool) -> Result<()> {
+    let mut notes = setup::arm_notes(config)?;
+    if is_new {
+        notes.extend(setup::too_fast(config, demonstrations)?);
+    }
+    notes.iter().for_each(|note| say(&format!("warning: {note}")));
+    Ok(())
 }
 
 /// Has the program of `command` judge.

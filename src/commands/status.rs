@@ -211,7 +211,7 @@ fn as_text(cell: &Cell, reply: &Reply, faults_dir: &Path) -> String {
     };
     let mut text = format!(
         "cell        {}\n{bridge}{}plant       {}\npace        {pace}, period {} µs\nphase       {}, tick {}, fault: {}\n\
-         in the loop policy {}, applied at tick {}\n",
+         in loop     policy {}, applied at tick {}\n",
         cell.name(),
         arm(status),
         plant_text(status),
@@ -230,12 +230,12 @@ fn as_text(cell: &Cell, reply: &Reply, faults_dir: &Path) -> String {
         text += &format!("note        {note}\n");
     }
     text += &format!(
-        "active      policy {}{}, last good: {}; {} imported, {} rollbacks\n",
+        "active      policy {}{}, last good: {}; {} imported, rolled back {}\n",
         status.active.describe(),
         if status.pinned == 1 { ", pinned" } else { "" },
         status.last_good.describe(),
         status.imported,
-        status.rollbacks,
+        times(status.rollbacks),
     );
     text += &format!(
         "rollouts    {} for a learner, {} served, {} episodes not yet durable\n\
@@ -263,14 +263,22 @@ fn as_text(cell: &Cell, reply: &Reply, faults_dir: &Path) -> String {
     );
     if status.is_paced() {
         text += &format!(
-            "wake-up     p50 {:.1}  p99 {:.1}  max {:.1} µs, {} deadlines missed\n",
+            "wake-up     p50 {:.1}  p99 {:.1}  max {:.1} µs, {} of {} deadlines missed\n",
             us(status.wakeup_p50_ns),
             us(status.wakeup_p99_ns),
             us(status.wakeup_max_ns),
-            status.deadline_misses
+            status.deadline_misses,
+            status.tick
         );
     }
     text
+}
+
+fn times(n: u64) -> String {
+    match n {
+        1 => "once".into(),
+        n => format!("{n} times"),
+    }
 }
 
 /// Lines about failures, if there were any.

@@ -90,9 +90,13 @@ impl Effort {
         [&self.speed, &self.torque, &self.holding].iter().all(|peak| peak.share() <= 1.0)
     }
 
-    /// Why the arm cannot follow at this speed, with the place and what to do; `slow` is a factor that
-    /// is slow enough.
-    pub fn excess(&self, file: &str, slow: Option<f64>) -> anyhow::Error {
+    /// How many times slower is slow enough by these samples, with one decimal: enough to type.
+    pub fn slower(&self) -> f64 {
+        ((10.0 * self.slow).floor() + 1.0) / 10.0
+    }
+
+    /// Why the arm cannot follow at this speed, with the place and the `remedy`.
+    pub fn excess(&self, file: &str, remedy: &str) -> anyhow::Error {
         let Peak { joint, t_s, value, limit } = &self.holding;
         if self.holding.share() > 1.0 {
             return anyhow!(
@@ -111,16 +115,7 @@ impl Effort {
         };
         let places = [place(&self.speed, "turns at", "rad/s"), place(&self.torque, "needs", "N·m")];
         let places: Vec<String> = places.into_iter().flatten().collect();
-        let remedy = match slow {
-            Some(slow) => format!("convert it with --slow {slow}, slow enough for its limits"),
-            None => {
-                "convert it with --slow FACTOR, or move it elsewhere, as --at-start does".into()
-            }
-        };
-        anyhow!(
-            "{file}: too fast for this arm: {}: {remedy}; --smooth-s takes noise out of a recording",
-            places.join("; ")
-        )
+        anyhow!("{file}: too fast for this arm: {}: {remedy}", places.join("; "))
     }
 }
 

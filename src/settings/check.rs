@@ -113,13 +113,16 @@ fn check_demonstrations(config: &Config, model: Option<&ArmModel>) -> Vec<Outcom
         };
         let fits = demonstration.and_then(|demonstration| {
             if let Some(model) = model {
-                setup::check_demonstration(config, model, &demonstration)?;
+                setup::check_followed(config, model, &demonstration)?;
             }
             setup::check_as_long(&demonstration, read.first().unwrap_or(&demonstration))?;
             Ok(demonstration)
         });
         let found = fits.map(|demonstration| {
-            let found = format!("{:.2} s, within the reach of the arm", demonstration.duration_s());
+            let found = format!(
+                "{:.2} s, within the reach and speed of the arm",
+                demonstration.duration_s()
+            );
             read.push(demonstration);
             found
         });

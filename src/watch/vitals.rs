@@ -190,7 +190,7 @@ impl Vitals {
                  or restart it"
             ),
             _ => format!(
-                "no controller for {seconds:.1} s; start one with `skillet controller --cell {name}`"
+                "no controller for {seconds:.1} s; start the cell with `skillet cell up {name}`"
             ),
         }
     }
