@@ -108,6 +108,10 @@ class Command(NamedTuple):
         """The controller is shutting down."""
         return self.mode == _STOP
 
+    def __repr__(self):
+        name = ("hold", "track", "reset", "stop")[self.mode]
+        return f"Command({name}, episode={self.episode}, rollout={self.rollout}, n_lost={self.n_lost})"
+
 
 def socket_path(cell: Optional[str] = None) -> str:
     """Where the controller of `cell` waits for a plant. SKILLET_PLANT overrides everything."""
@@ -174,6 +178,10 @@ class Plant:
 
     def __exit__(self, *_):
         self.close()
+
+    def __repr__(self):
+        kind = "simulated" if self.simulated else "real"
+        return f"<Plant {_text(self._name)}: {self.n_joints} joints, {kind}, episode {self.episode}>"
 
     def close(self):
         """Ends the connection; the controller holds the arm and latches a fault."""

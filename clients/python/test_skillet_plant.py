@@ -137,6 +137,14 @@ class Start(PlantTest):
         self.fails("2 numbers for 3 joints", Plant, "test", JOINTS, torque_limits=[1, 2])
         self.fails("q has 2 numbers", self.plant().start, Q[:2], QD)
 
+    def test_the_prompt_shows_no_torques(self):
+        plant = self.plant()
+        self.controller.welcome()
+        self.controller.command(1, TRACK, episode=3)
+        command = plant.start(Q, QD)
+        self.assertEqual(repr(command), "Command(track, episode=3, rollout=3, n_lost=0)")
+        self.assertEqual(repr(plant), "<Plant test: 3 joints, simulated, episode 0>")
+
     def test_the_path_follows_the_environment(self):
         environment = {"SKILLET_RUNTIME_DIR": "/run/own", "XDG_RUNTIME_DIR": "/run/user/7"}
         with mock.patch.dict(os.environ, environment, clear=True):

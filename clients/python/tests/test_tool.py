@@ -42,7 +42,7 @@ elif arguments[0] == "watch":
     print(json.dumps({{"tick": 1}}))
     print(json.dumps({{"tick": 2}}))
 else:
-    print(json.dumps({{"called": arguments, "policy_id": 7, "controller": "running"}}))
+    print(json.dumps({{"called": arguments, "policy_id": 7, "controller": "running", "health": "ok"}}))
 """
 
 

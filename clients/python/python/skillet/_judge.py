@@ -4,6 +4,8 @@ import json
 import sys
 from typing import IO, Any, Callable, NamedTuple, Optional
 
+from ._repr import brief
+
 
 class Rollout(NamedTuple):
     """What is known of a rollout."""
@@ -22,6 +24,9 @@ class Rollout(NamedTuple):
         if self.path is None:
             raise ValueError(f"rollout {self.rollout} has no path")
         return numpy.load(self.path, mmap_mode="r", allow_pickle=False)
+
+    def __repr__(self) -> str:
+        return brief(self, *self._fields)
 
 
 def judge(function: Callable[[Rollout], Any], lines: Optional[IO[str]] = None, out: Optional[IO[str]] = None) -> None:

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, Optional, Union
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ._repr import brief
 from ._skillet import Springs
 
 COORDINATES = ("x", "y", "z", "pitch", "roll", "yaw")
@@ -29,6 +30,9 @@ class Evaluation(NamedTuple):
     the activations held."""
     activations: Floats
     """hᵢ, (N,); their sum is 1."""
+
+    def __repr__(self) -> str:
+        return brief(self, *self._fields)
 
     def force(self, inertia: ArrayLike) -> Floats:
         """Λ ẍ, (6,), N and N·m, for the inertia Λ (6, 6) at the tip, or one mass in kg (a point: forces only)."""
@@ -220,10 +224,9 @@ class Policy:
 
     def __repr__(self) -> str:
         if self.is_action:
-            return f"<Policy: action {self.fields['action']}>"
-        if self.is_systems:
-            return f"<Policy: {len(self.fields['systems'])} systems in {self.task_dim} coordinates, {self.duration_s} s>"
-        return f"<Policy: {len(self.centers)} springs in {self.task_dim} coordinates, {self.duration_s} s>"
+            return f"<Policy: action of {len(self.action)} numbers>"
+        kind, key = ("systems", "systems") if self.is_systems else ("springs", "components")
+        return f"<Policy: {len(self.fields[key])} {kind} in {self.task_dim} coordinates, {self.duration_s:.6g} s>"
 
 
 def toml(text: str) -> dict[str, Any]:

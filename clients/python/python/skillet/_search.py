@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Iterable, Mapping, NamedTuple, Optional, 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ._repr import brief
 from ._skillet import Core
 
 if TYPE_CHECKING:
@@ -25,6 +26,9 @@ class Trial(NamedTuple):
     """Number of the rollout, from 1."""
     theta: Floats
     """θ, (D,)."""
+
+    def __repr__(self) -> str:
+        return brief(self, "rollout", "theta")
 
 
 class Mode(NamedTuple):
@@ -44,6 +48,9 @@ class Mode(NamedTuple):
     tolerance: Optional[float]
     """Expected reward when θ is executed with the search's noise; None without trials nearby."""
 
+    def __repr__(self) -> str:
+        return brief(self, "prior", "n_trials", "best_rollout", "best_reward", "tolerance", "mean")
+
 
 class Told(NamedTuple):
     """A trial that has ended."""
@@ -58,6 +65,9 @@ class Told(NamedTuple):
     reason: str
     asked_after: int
     """How many trials had ended when it was asked for."""
+
+    def __repr__(self) -> str:
+        return brief(self, "rollout", *(("failed", "reason") if self.failed else ("reward", "success")), "theta")
 
 
 class Search:

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any, Iterable, NamedTuple, Optional, Union
 import numpy as np
 from numpy.typing import NDArray
 
+from ._repr import brief
+
 if TYPE_CHECKING:
     from ._policy import Policy
     from ._search import Search
@@ -48,6 +50,10 @@ class StoredCell(NamedTuple):
     plant: str
     """The simulation, or what the plant in another process calls itself, with its version."""
 
+    def __repr__(self) -> str:
+        short = self._replace(urdf_sha256=self.urdf_sha256[:8] + "…" * bool(self.urdf_sha256))
+        return brief(short, "cell", "since", "arm", "plant", "urdf_sha256")
+
 
 class StoredMode(NamedTuple):
     """A solution the session found; written when its search stops."""
@@ -62,6 +68,9 @@ class StoredMode(NamedTuple):
     best_reward: Optional[float]
     tolerance: Optional[float]
     policy_id: int
+
+    def __repr__(self) -> str:
+        return brief(self, "number", "policy_id", "prior", "best_rollout", "best_reward", "tolerance", "mean")
 
 
 class Session:
@@ -292,6 +301,11 @@ class Sessions(list):
         axes.set(xlabel="rollout", ylabel="best reward so far")
         axes.legend()
         return axes
+
+    def __repr__(self) -> str:
+        tasks = ", ".join(dict.fromkeys(session.task for session in self))
+        n = sum(int(np.count_nonzero(session.trials["success"])) for session in self)
+        return f"<Sessions: {len(self)} of {tasks}, {sum(map(len, self))} trials, {n} successes>"
 
 
 class _Reader:

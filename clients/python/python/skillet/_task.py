@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _tool
 from ._policy import Policy
+from ._repr import brief
 from ._session import PATH_DTYPE
 
 Floats = NDArray[np.float64]
@@ -26,6 +27,9 @@ class Outcome(NamedTuple):
     """0, or the first fault of the loop."""
     path: Optional[NDArray[np.void]]
     """Every tenth tick, (n,), if it was asked for; see `Session.path`."""
+
+    def __repr__(self) -> str:
+        return brief(self, *self._fields)
 
 
 class Task:
@@ -124,6 +128,9 @@ class Task:
         """Ends the child."""
         if not self._to.closed:
             self._child.communicate()
+
+    def __repr__(self) -> str:
+        return f"<Task {self.name}: {len(self.start)} parameters{', closed' if self._to.closed else ''}>"
 
     def __enter__(self) -> "Task":
         return self
