@@ -48,21 +48,21 @@ pub struct Cli {
 pub enum Verb {
     /// Learn a task: run controller and learner, write a session folder
     Learn(LearnArgs),
-    /// List the sessions of a folder, or show one
+    /// List the sessions in a folder, or show one
     Session(session::SessionArgs),
     /// Print all trials of a session as CSV or JSON
     Trials(trials::TrialsArgs),
-    /// Policies of a session or a running cell: inspect, load, roll back
+    /// Inspect, load and roll back policies of a session or a cell
     Policy(PolicyArgs),
     /// Rate a rollout, from 0 to 10
     Rate(rate::RateArgs),
-    /// Judge all trials of a session again, with another reward
+    /// Re-judge all trials of a session with another reward
     Judge(judge::JudgeArgs),
-    /// Convert a recording to a demonstration; add one to a session
+    /// Convert a recording to a demonstration, or add one to a session
     Demo(demo::DemoArgs),
     /// Rerun a trial of a session, bit for bit, and record it
     Replay(record::ReplayArgs),
-    /// Write a recording, or a trial of a session, as a ROS 2 bag
+    /// Convert a recording, or a trial of a session, to a ROS 2 bag
     Convert(convert::ConvertArgs),
     /// Write the HTML report of a session and its figures
     Report(ReportArgs),
@@ -70,13 +70,13 @@ pub enum Verb {
     Cell(cell::CellsArgs),
     /// Show controller health (exits 1 if it needs attention)
     Status(StatusArgs),
-    /// Watch a running cell in the terminal, or in a 3-D viewer
+    /// Watch a running cell in the terminal, a browser or a 3-D viewer
     Watch(record::WatchArgs),
-    /// Record a running cell at full rate: MCAP, for Foxglove and others
+    /// Record a running cell at full rate to an MCAP file
     Record(record::RecordArgs),
     /// Hold the arm at its current position until `skillet rearm`
     Hold(arm::HoldArgs),
-    /// Release the arm after a hold or a fixed hardware fault
+    /// Release the arm after a hold, or once a hardware fault is fixed
     Rearm(arm::RearmArgs),
     /// Move the elbow of a running arm without interrupting the skill
     Posture(arm::PostureArgs),
@@ -84,19 +84,19 @@ pub enum Verb {
     Controller(ControllerArgs),
     /// Run the learner service of a cell
     Learner(LearnerArgs),
-    /// Cells on other machines: one learner, arms in several rooms
+    /// Connect cells on other machines to one learner
     Bridge(bridge::BridgeArgs),
     /// List the tasks that can be learnt, or serve one to a program
     Task(task::TaskArgs),
     /// Check the URDF of an arm and write its configuration
     Arm(arm::ArmArgs),
-    /// Run a plant in another process: serve our simulation, check yours
+    /// Serve our simulation as an external plant, or check your own
     Plant(plant::PlantArgs),
     /// Run a study over many seeds: success rates, comparisons, figures
     Study(StudyArgs),
     /// Run benchmarks on this host
     Bench(bench::BenchArgs),
-    /// Kill, swap and disturb learning cells, and count what is lost
+    /// Kill, swap and disturb learning cells, and count the losses
     Soak(soak::SoakArgs),
     /// Check this host for hard real time and suggest fixes
     Doctor(doctor::DoctorArgs),
@@ -134,7 +134,7 @@ pub enum PaceArg {
     Realtime,
     /// Run as fast as the simulation allows, with the same results
     Max,
-    /// Follow the samples of a real arm, a plant in another process
+    /// Follow the samples of an external plant, such as a real arm
     Plant,
 }
 
@@ -168,7 +168,7 @@ Examples:
   skillet learn pancake --arm panda                  on a Franka Emika Panda
   skillet learn pancake --plant-program \"python3 examples/plant_mujoco.py\"
   skillet learn pancake --judge my_task.py           rewards from your own program, in any language
-  skillet learn pancake --out s7 --where \"apex_m < 0.45\"    a ceiling came down; s7 continues below it
+  skillet learn pancake --out s7 --where \"apex_m < 0.45\"    continue s7 under a lower ceiling
 
 Ctrl-C stops the session with everything saved (exit code 1); rerun the command with --out to resume it.")]
 pub struct LearnArgs {
@@ -184,7 +184,7 @@ pub struct LearnArgs {
     /// Number of cells that execute rollouts in parallel, each with its own arm
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=64))]
     pub cells: u8,
-    /// What paces the loop; in simulation the results do not depend on it
+    /// Pace of the loop; in simulation it does not affect the results
     #[arg(long, value_enum, default_value_t = PaceArg::Max)]
     pub pace: PaceArg,
     /// Configuration file (TOML); see `skillet config`
@@ -202,10 +202,10 @@ pub struct LearnArgs {
     /// Program that judges every rollout: a Python file, or a command split at spaces; see docs/own-judge.md
     #[arg(long, value_name = "COMMAND")]
     pub judge: Option<String>,
-    /// Where the skittle stands, in m from the post (task skittles)
+    /// Position of the skittle relative to the post, m (task skittles)
     #[arg(long, value_name = "X,Y", value_parser = point, allow_hyphen_values = true)]
     pub target: Option<[f64; 2]>,
-    /// Which of the modes found provides the selected policy
+    /// Mode that provides the selected policy
     #[arg(long, value_enum)]
     pub prefer: Option<PreferArg>,
     /// Condition over the measures that a success must meet from now on; "" removes it
@@ -253,7 +253,7 @@ pub struct ControllerArgs {
     /// Configuration file (TOML); see `skillet config`
     #[arg(long)]
     pub config: Option<PathBuf>,
-    /// What paces the loop
+    /// Pace of the loop
     #[arg(long, value_enum, default_value_t = PaceArg::Realtime)]
     pub pace: PaceArg,
     /// Plant that turns torques into measurements [default: `plant.kind` of the configuration]
@@ -288,7 +288,7 @@ pub struct LearnerArgs {
     /// Configuration of a new session; a resumed session keeps its own
     #[arg(long)]
     pub config: Option<PathBuf>,
-    /// What paces the controller's loop; the learner stays off the core of a real-time loop
+    /// Pace of the controller's loop; the learner stays off the core of a real-time loop
     #[arg(long, value_enum, default_value_t = PaceArg::Realtime)]
     pub pace: PaceArg,
     /// Record every rollout at full rate, as recording.mcap in the session folder
@@ -321,10 +321,10 @@ Examples:
   skillet report sessions/pancake-1
   skillet report sessions/pancake-1 sessions/pancake-2 --out comparison")]
 pub struct ReportArgs {
-    /// Session folders; several are compared in one page
+    /// Session folders; several are compared on one page
     #[arg(required = true, value_name = "SESSION")]
     pub sessions: Vec<PathBuf>,
-    /// Folder for the page. Default: `report` in the session's folder; `report` here for several sessions
+    /// Folder for the page [default: `report` in the session folder; for several sessions, in the current folder]
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Print the written paths as JSON

@@ -43,7 +43,7 @@ Examples:
   skillet posture --offset -0.4,0,0.5,0,0.3,0,0 --cell kitchen
   skillet posture --reset --cell kitchen
 
-An arm of 7 joints can move its elbow while its tip follows the skill. The elbow is pulled towards the start
+An arm with 7 joints can move its elbow while its tip follows the skill. The elbow is pulled towards the start
 posture plus this offset; only the part of the offset that leaves the tip alone takes effect. A joint near
 the base moves the elbow far, a wrist joint hardly at all. Every rollout begins at the start posture
 and moves from there within --in.
@@ -59,7 +59,7 @@ pub struct PostureArgs {
     /// Offset from the start posture, rad
     #[arg(long, value_name = "RAD", requires = "joint", allow_negative_numbers = true)]
     pub by: Option<f64>,
-    /// Offsets of all joints from the base, rad; omitted joints go to the start posture
+    /// Offsets of all joints, starting at the base, rad; omitted joints go to the start posture
     #[arg(long, value_name = "RAD,RAD,...", value_parser = offsets, allow_hyphen_values = true)]
     pub offset: Option<[f64; MAX_JOINTS]>,
     /// Return to the start posture
@@ -93,7 +93,7 @@ Examples:
   skillet arm check my_arm.urdf
   skillet arm check my_arm.urdf --tip tool0 --pan-kg 0.3 --out arm.toml
 
-Without --tip it takes the link \"pan\" or the end of the longest chain of revolute joints. If the
+The default tip is the link \"pan\" or the end of the longest chain of revolute joints. If the
 tip is not a pan, one is added (`pan` in the configuration) unless --no-pan is given. All faults are listed
 at once, each with its line.
 

@@ -29,10 +29,10 @@ pub enum BenchVerb {
     /// Measure the real-time loop under swaps, learner load, observers and kills, against an empty loop
     #[command(after_help = "Example: skillet bench latency --seconds 120 --out benches/results")]
     Latency(BenchOptions),
-    /// Measure how many episodes per second one learner makes durable, with 1 to 32 cells
+    /// Measure the episodes per second that one learner stores durably, with 1 to 32 cells
     #[command(after_help = "Example: skillet bench learner --seconds 60 --json")]
     Learner(BenchOptions),
-    /// Swap as fast as possible, and check each swap
+    /// Swap policies as fast as possible, and check each swap
     #[command(after_help = "Example: skillet bench swap --swaps 1000000")]
     Swap(SwapArgs),
     /// The other end of a round trip

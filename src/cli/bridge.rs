@@ -17,13 +17,13 @@ pub struct BridgeArgs {
 
 #[derive(Subcommand)]
 pub enum BridgeVerb {
-    /// On the learner's machine: let cells of other machines in
+    /// Accept cells from other machines; runs on the learner's machine
     Serve(ServeArgs),
-    /// Beside a controller: connect its cell to a learner on another machine
+    /// Connect a cell to a learner on another machine; runs beside the controller
     Join(JoinArgs),
-    /// Make certificates: for the learner's machine and for every cell
+    /// Make certificates for the learner's machine and every cell
     Keys(KeysArgs),
-    /// Publish a cell live on a ROS 2 graph, over Zenoh as rmw_zenoh does
+    /// Publish a running cell on a ROS 2 graph, over Zenoh like rmw_zenoh
     Ros2(Ros2Args),
 }
 
@@ -33,16 +33,16 @@ Examples:
   skillet bridge serve --listen 0.0.0.0:7447 --keys keys/learner --allow kitchen,lab
   skillet learner --cell kitchen --cell lab --session sessions/both
 
-Each allowed cell becomes a cell of this machine, for a learner like any other. Without --keys only this machine
-can be listened on.")]
+For a learner on this machine, each allowed cell is like a local one. Without --keys, only loopback addresses
+are allowed.")]
 pub struct ServeArgs {
-    /// Where to listen, HOST:PORT
+    /// Address to listen on, HOST:PORT
     #[arg(long, value_name = "HOST:PORT")]
     pub listen: String,
-    /// The cells that may join, and no others
+    /// Cells that may join; all others are refused
     #[arg(long, value_name = "CELLS", required = true, value_delimiter = ',')]
     pub allow: Vec<String>,
-    /// Folder with the keys of this machine, as `skillet bridge keys` makes it
+    /// Folder with the keys of this machine, from `skillet bridge keys`
     #[arg(long, value_name = "DIR")]
     pub keys: Option<PathBuf>,
     /// Configuration of the session; a cell with another task or arm is refused
@@ -62,28 +62,28 @@ Example:
 From the learner's machine `skillet status`, `watch`, `record` and `hold` work with this cell. Other commands are
 refused unless --accept-commands is given; the owner of the arm decides.
 
-It tries again until it is stopped. While the learner's machine does not answer, the controller serves its last good
-policy, and what was executed waits in its spool.")]
+It reconnects until it is stopped. While the learner's machine does not respond, the controller serves its last good
+policy, and finished episodes wait in its spool.")]
 pub struct JoinArgs {
     /// The learner's machine, HOST:PORT
     #[arg(long, value_name = "HOST:PORT")]
     pub connect: String,
-    /// Cell of the controller; `cell.name` of the configuration when absent
+    /// Cell of the controller [default: `cell.name` of the configuration]
     #[arg(long)]
     pub cell: Option<String>,
-    /// Folder with the keys of this cell, as `skillet bridge keys` makes it
+    /// Folder with the keys of this cell, from `skillet bridge keys`
     #[arg(long, value_name = "DIR")]
     pub keys: Option<PathBuf>,
-    /// Configuration of the controller; with it task and arm are compared with those of the learner
+    /// Configuration of the controller; if given, its task and arm are compared with the learner's
     #[arg(long)]
     pub config: Option<PathBuf>,
-    /// Carry out `skillet policy` and `skillet posture` given on the learner's machine; `hold` always is
+    /// Accept `skillet policy` and `skillet posture` from the learner's machine; `hold` is always accepted
     #[arg(long)]
     pub accept_commands: bool,
-    /// Let the learner's machine re-arm the arm, too; somebody beside it may have held it
+    /// Also accept `skillet rearm` from there, although somebody beside the arm may have held it
     #[arg(long)]
     pub accept_rearm: bool,
-    /// Ticks a second that the learner's machine sees at most, while somebody watches there; 0: none
+    /// Largest number of ticks per second to send to observers on the learner's machine; 0: none
     #[arg(long, value_name = "HZ", default_value_t = 50, value_parser = clap::value_parser!(u64).range(0..=50))]
     pub telemetry: u64,
     /// End when the process that started this one ends
@@ -97,8 +97,8 @@ Examples:
   skillet bridge keys --out keys --learner oven.lan,192.168.1.10 --cells kitchen,lab
   skillet bridge keys --out keys --cells garage                       one more cell, later
 
-Copy keys/learner to the learner's machine and keys/cells/<cell> to that of each cell. keys/ca.key makes new
-certificates: keep it elsewhere. Nothing is overwritten.")]
+Copy keys/learner to the learner's machine and keys/cells/<cell> to the machine of each cell. keys/ca.key signs
+new certificates: keep it elsewhere. Nothing is overwritten.")]
 pub struct KeysArgs {
     /// Folder to write
     #[arg(long)]
@@ -109,7 +109,7 @@ pub struct KeysArgs {
     /// Cells to make certificates for
     #[arg(long, value_name = "CELLS", required = true, value_delimiter = ',')]
     pub cells: Vec<String>,
-    /// How long the certificates are valid
+    /// Days for which the certificates are valid
     #[arg(long, default_value_t = 730)]
     pub days: u32,
 }
@@ -121,8 +121,8 @@ Example:
   skillet bridge ros2 --cell kitchen
   RMW_IMPLEMENTATION=rmw_zenoh_cpp ros2 topic echo /joint_states
 
-Best-effort, like `skillet watch`: readers never affect the loop, and nothing of the graph reaches the cell. Tested with
-independent readers, not with ROS itself.")]
+Best-effort, like `skillet watch`: readers never affect the loop, and no message on the graph reaches the cell. Tested
+with independent readers, not with ROS itself.")]
 pub struct Ros2Args {
     #[command(flatten)]
     pub cell: CellArgs,
@@ -134,7 +134,7 @@ pub struct Ros2Args {
         conflicts_with = "listen"
     )]
     pub connect: String,
-    /// Let readers of this machine connect here instead, on a loopback address
+    /// Loopback address on which readers connect directly, without a router
     #[arg(long, value_name = "HOST:PORT")]
     pub listen: Option<String>,
     /// ROS domain [default: $ROS_DOMAIN_ID, or 0]
@@ -143,7 +143,7 @@ pub struct Ros2Args {
     /// Namespace of node and topics, for several cells on one graph
     #[arg(long, default_value = "")]
     pub namespace: String,
-    /// Publish at most so many ticks per second
+    /// Largest number of ticks to publish per second
     #[arg(long, value_name = "HZ", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=4000))]
     pub rate: u32,
     /// Stop after this many seconds

@@ -35,9 +35,9 @@ Examples:
   skillet cell up grill --config config/pancake.toml --session s7
   skillet cell up serving --no-learner               serves policies only
 
-Returns once both are ready. They go on after you log out, until `skillet cell down`. What already runs is left
-alone. An existing session is resumed. Logs are appended to files in the cell's state folder; a log that
-exceeds 8 MB is set aside as LOG.1.")]
+Returns once both are ready. They keep running after you log out, until `skillet cell down`. Services that already
+run are left alone. An existing session is resumed. Logs are appended to files in the cell's state folder; a log
+that exceeds 8 MB is renamed to LOG.1.")]
 pub struct UpArgs {
     /// Name of the cell
     pub name: String,
@@ -50,7 +50,7 @@ pub struct UpArgs {
     /// Session folder to create or resume [default: sessions/NAME]
     #[arg(long)]
     pub session: Option<PathBuf>,
-    /// What paces the loop
+    /// Pace of the loop
     #[arg(long, value_enum, default_value_t = PaceArg::Realtime)]
     pub pace: PaceArg,
     /// Record every rollout at full rate, as recording.mcap in the session folder
@@ -69,8 +69,8 @@ pub struct UpArgs {
 Example: skillet cell down kitchen
 
 Stops the learner first, then the controller; the session and the state of the cell are saved. A learner that also
-works in other cells goes on with them. If nothing runs, nothing happens. Use `systemctl stop` for services that
-systemd started: it would restart them.")]
+works in other cells keeps running. If nothing runs, nothing happens. For services started by systemd use
+`systemctl stop`, because systemd would restart them.")]
 pub struct DownArgs {
     /// Name of the cell
     pub name: String,

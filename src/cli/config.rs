@@ -7,7 +7,7 @@ use clap::Args;
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
-  skillet config > my.toml            every setting with its unit, its range and a sentence
+  skillet config > my.toml            every setting with its unit, range and description
   skillet config landscape            the same for another task
   skillet config --config my.toml     my.toml with all defaults filled in
   skillet config --check my.toml      check my.toml and every file it names")]

@@ -11,10 +11,10 @@ Example:
 
 Judges every stored trial again from its measures, with another configuration's judge (task.judge or
 learner.reward). No program is started: a program's results are among the measures. The output counts the
-trials whose reward would differ and lists those whose success would; the session is not changed. To rate a
+trials whose reward would change and lists those whose success would; the session stays as it is. To rate a
 rollout yourself, see `skillet rate`.")]
 pub struct JudgeArgs {
-    /// Session folder whose trials are judged again
+    /// Session folder with the trials to re-judge
     pub session: PathBuf,
     /// Configuration (TOML) with the other judge
     #[arg(long)]

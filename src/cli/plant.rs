@@ -70,7 +70,7 @@ pub struct CheckArgs {
     /// Program of the plant, split at spaces; started as often as needed
     #[arg(long, value_name = "COMMAND")]
     pub program: Option<String>,
-    /// The plant is the clock, as a real arm is
+    /// The plant is the clock, like a real arm
     #[arg(long)]
     pub real: bool,
     /// Samples per trial

@@ -20,13 +20,13 @@ pub struct CellArgs {
 /// Options that select a policy of a session.
 #[derive(Args, Clone)]
 pub struct ChoiceArgs {
-    /// Which mode of the session to use [default: as configured]
+    /// Choose the mode of the session by this criterion [default: as configured]
     #[arg(long, value_enum)]
     pub prefer: Option<PreferArg>,
     /// Use this mode of the session
     #[arg(long, conflicts_with = "prefer")]
     pub mode: Option<usize>,
-    /// Choose a policy whose successes meet this expression over the session's measures
+    /// Choose a policy whose successes meet this condition on the session's measures
     #[arg(long = "where", value_name = "EXPRESSION", conflicts_with_all = ["prefer", "mode"])]
     pub wish: Option<String>,
 }
@@ -73,6 +73,7 @@ Examples:
   skillet policy list sessions/pancake-1 --best 5
   skillet policy list --cell kitchen")]
     List {
+        /// Session folder
         session: Option<PathBuf>,
         /// Only the N policies of the session with the highest reward
         #[arg(long)]
@@ -101,8 +102,9 @@ Examples:
     /// Show the modes the search has found, each with its best reward and tolerance
     #[command(after_help = "Example: skillet policy modes sessions/skittles-1 --prefer tolerant")]
     Modes {
+        /// Session folder
         session: PathBuf,
-        /// Which mode provides the selected policy [default: as configured]
+        /// Choose the mode that provides the selected policy by this criterion [default: as configured]
         #[arg(long, value_enum)]
         prefer: Option<PreferArg>,
         /// Print JSON
@@ -151,8 +153,8 @@ Examples:
   skillet policy export 3 --cell kitchen
   skillet policy export last-good --cell kitchen
 
---where chooses among the session's rollouts: it takes a policy that met the condition in a region where
-most neighbours met it too, and needs no further rollout.")]
+--where chooses among the session's rollouts a policy that met the condition in a region where most
+neighbours met it too. It needs no further rollout.")]
     Export {
         /// Session folder, number in the cell, or last-good
         from: String,
@@ -164,7 +166,7 @@ most neighbours met it too, and needs no further rollout.")]
         #[command(flatten)]
         cell: CellArgs,
     },
-    /// Check a policy and give it a number in a running cell
+    /// Load a policy into a running cell, where it is checked and numbered
     #[command(after_help = "\
 Examples:
   skillet policy import flip.toml --cell kitchen
@@ -197,6 +199,7 @@ Examples:
     Activate {
         /// Number in the cell, or last-good
         id: String,
+        /// When the policy takes over
         #[arg(long, value_enum, default_value_t = AtArg::NextRollout)]
         at: AtArg,
         /// Print JSON
@@ -226,6 +229,7 @@ Examples:
     /// Go back to the previously active policy, or else to the last good one
     #[command(after_help = "Example: skillet policy rollback --cell kitchen")]
     Rollback {
+        /// When the policy takes over
         #[arg(long, value_enum, default_value_t = AtArg::Now)]
         at: AtArg,
         /// Print JSON

@@ -20,8 +20,8 @@ recorder loses its last second; the next recorder in the same folder repairs its
 pub struct RecordArgs {
     #[command(flatten)]
     pub cell: CellArgs,
-    /// File to write, NAME.mcap [default: the name of the cell]; an existing file is kept and
-    /// the next free number is used
+    /// File to write, NAME.mcap [default: the name of the cell]; existing files are kept, and the
+    /// next free number is used
     #[arg(long)]
     pub out: Option<PathBuf>,
     /// Start a new file for every rollout
@@ -87,7 +87,7 @@ pub struct WatchArgs {
         conflicts_with_all = ["serve", "json"]
     )]
     pub web: Option<SocketAddr>,
-    /// Let the page re-arm, activate, roll back and pin as well
+    /// Also allow the page to re-arm, activate, roll back and pin
     #[arg(long, requires = "web")]
     pub allow_commands: bool,
     /// Stop after this many seconds

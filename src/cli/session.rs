@@ -12,7 +12,7 @@ pub struct SessionArgs {
 
 #[derive(Subcommand)]
 pub enum SessionVerb {
-    /// List the sessions in a folder, the last changed first
+    /// List the sessions in a folder, most recently changed first
     #[command(after_help = "\
 Examples:
   skillet session list

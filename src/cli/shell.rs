@@ -17,7 +17,7 @@ Examples:
   skillet completions bash > ~/.local/share/bash-completion/completions/skillet
   skillet completions fish > ~/.config/fish/completions/skillet.fish
 
-The script asks `skillet` itself: it completes commands and flags, running cells, sessions, studies and tasks.")]
+The script queries `skillet`: it completes commands and flags, running cells, sessions, studies and tasks.")]
 pub struct CompletionsArgs {
     pub shell: Shell,
 }

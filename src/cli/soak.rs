@@ -38,14 +38,14 @@ pub struct SoakArgs {
     /// Seed of the schedule
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
-    /// What paces the loops
+    /// Pace of the loops
     #[arg(long, value_enum, default_value_t = PaceArg::Max)]
     pub pace: PaceArg,
-    /// Run the cells on N hosts (the learner's included) over a bridge instead
+    /// Run the cells on N hosts (including the learner's) over a bridge instead
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(2..=9), conflicts_with = "kills")]
     #[arg(help_heading = ACROSS)]
     pub hosts: Option<u8>,
-    /// Cells, spread over all hosts but the learner's
+    /// Number of cells, spread over all hosts except the learner's
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u8).range(1..=64))]
     #[arg(requires = "hosts", help_heading = ACROSS)]
     pub cells: u8,
@@ -61,11 +61,11 @@ pub struct SoakArgs {
     #[arg(long, value_name = "SHARE", default_value_t = 0.01, value_parser = share)]
     #[arg(requires = "hosts", help_heading = ACROSS)]
     pub duplicate: f64,
-    /// Share of packets that others overtake
+    /// Share of packets that are reordered
     #[arg(long, value_name = "SHARE", default_value_t = 0.02, value_parser = share)]
     #[arg(requires = "hosts", help_heading = ACROSS)]
     pub reorder: f64,
-    /// Folder for sessions and logs, which is then always kept
+    /// Folder for sessions and logs; if given, it is always kept
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Print one JSON object instead of a table

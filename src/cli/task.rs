@@ -33,7 +33,7 @@ The first output line describes the search: start, directions, box, measures, se
   {\"theta\": [0.1, …], \"path\": false}    runs θ; replies with reward, success, measures and fault
   {\"policy\": {…}}                       runs a policy as `policy export` prints it
   {\"decode\": [0.1, …]}                  replies with the policy of θ and runs nothing
-A request that cannot be run is answered with {\"refused\": \"why\"}. The command ends when its input ends. The
+The reply to a request that cannot be run is {\"refused\": \"why\"}. The command ends when its input ends. The
 Python package's Task and environments use it; the rollouts are bitwise equal to those of a session.")]
     Serve(ServeArgs),
 }
@@ -48,7 +48,7 @@ pub struct ServeArgs {
     /// Value of a `task.options` setting, as NAME=VALUE; may be repeated
     #[arg(long = "option", value_name = "NAME=VALUE", value_parser = choice, conflicts_with = "config")]
     pub options: Vec<(String, String)>,
-    /// Print errors as JSON; other output always is
+    /// Print errors as JSON; all other output is JSON in any case
     #[arg(long)]
     pub json: bool,
 }

@@ -13,7 +13,7 @@ Examples:
 
 One row per trial. Column names carry the units; reward, shares and theta (the scaled search vector of
 a task with an arm) have none. Times count from the start of the movement. Numbers round-trip bit for
-bit. A session of several cells also has cell, asked_after, arm, arm_urdf (SHA-256, 12 digits) and plant.")]
+bit. A session of several cells also has cell, asked_after, arm, arm_urdf (12 digits of its SHA-256) and plant.")]
 pub struct TrialsArgs {
     /// Session folder
     pub session: PathBuf,
