@@ -40,6 +40,9 @@ pub fn draw_links(panel: &mut Panel, view: &View, links: &[[Vector3<f64>; 2]], r
     }
 }
 
+/// Radius of an object whose shape is not known, px.
+const UNKNOWN: f64 = 5.0;
+
 /// The ground, where it is in view.
 pub fn draw_ground(panel: &mut Panel, view: &View) {
     if view.z.0 < 0.0 {
@@ -70,6 +73,10 @@ pub fn draw_object(panel: &mut Panel, view: &View, row: &PathRow, data: &ReportD
     }
     let X_WO = Isometry3::from_parts(Translation3::from(object(row)), orientation(row));
     let solids = data.look.as_ref().map_or(&[][..], |look| &look.solids.object.1);
+    if solids.is_empty() {
+        // Its shape is known to its plant alone.
+        return panel.circle(view.at(&object(row)), UNKNOWN, "object");
+    }
     draw_solids(panel, view, &X_WO, solids, "object");
 }
 

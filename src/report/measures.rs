@@ -20,18 +20,23 @@ pub fn figure(data: &ReportData) -> Figure {
     Figure {
         stem: "measures",
         title: "Measures over the rollouts",
-        caption: "Filled points: rollouts that succeeded. A short stroke on the axis marks a \
-                  rollout without this measure."
-            .into(),
+        caption: format!(
+            "{}A short stroke on the axis marks a rollout without this measure.",
+            if data.success.is_some() { "Filled points: rollouts that succeeded. " } else { "" }
+        ),
         rows,
     }
 }
 
-/// Names and units of the numbers of which there are some.
+/// Names and units of the numbers of which there are some, the torques of the joints last: a task of one's own adds
+/// its measures behind them.
 fn names(trials: &[TrialRow]) -> Vec<(String, String)> {
     let measured = trials.iter().find(|trial| !trial.measures.is_empty());
     let declared = measured.map_or_else(Vec::new, |trial| trial.measures.declared());
-    declared.into_iter().filter(|(_, unit)| unit != TRUTH).take(MOST).collect()
+    let numbers = declared.into_iter().filter(|(_, unit)| unit != TRUTH);
+    let (torques, others): (Vec<_>, Vec<_>) =
+        numbers.partition(|(name, unit)| name.starts_with("torque_") && unit == "N·m");
+    others.into_iter().chain(torques).take(MOST).collect()
 }
 
 fn draw(trials: &[TrialRow], name: &str, unit: &str) -> Panel {

@@ -55,8 +55,9 @@ fn draw(data: &ReportData, legend: &[Entry], size: (f64, f64)) -> Panel {
     let rollouts = || trials.iter().map(|trial| trial.rollout as f64);
     let rewards = || trials.iter().map(|trial| trial.reward);
     let x = Axis::rollouts(trials.iter().map(|trial| trial.rollout));
+    let range = Axis::exactly("reward", rewards().chain([0.0]));
     // Some room at the top, for the name of the first success.
-    let y = Axis::rounded("reward", trials.iter().map(|trial| 1.1 * trial.reward).chain([0.0]));
+    let y = Axis::rounded("reward", [range.min, range.max + 0.1 * (range.max - range.min)]);
     let successes = trials.iter().filter(|trial| trial.success).count();
     let alt = format!("Reward of {} rollouts, {successes} successful", trials.len());
     let mut plot = Plot::new(size, &alt, x, y, legend);

@@ -25,6 +25,11 @@ pub fn figure(data: &ReportData) -> Figure {
         true => Err("the reward of this session is not a sum of terms.".to_owned()),
         false => Ok(thirds(terms.iter().map(|term| draw(data, term, range)).collect())),
     };
+    let filled = match (data.success, data.is_toss()) {
+        (None, _) => "",
+        (_, true) => " Filled: caught flips.",
+        (_, false) => " Filled: successes.",
+    };
     let more = match data.terms.len().saturating_sub(MOST) {
         0 => String::new(),
         n => format!(" {n} more terms are not drawn."),
@@ -34,8 +39,7 @@ pub fn figure(data: &ReportData) -> Figure {
         title: "What the reward is made of",
         caption: format!(
             "The reward of a rollout is the sum of these terms, weighted as in the configuration; \
-             all panels have the same scale. Line: mean of the last 10 rollouts. Filled: {}.{more}",
-            if data.is_toss() { "caught flips" } else { "successes" }
+             all panels have the same scale. Line: mean of the last 10 rollouts.{filled}{more}"
         ),
         rows,
     }
@@ -47,6 +51,7 @@ fn draw(data: &ReportData, term: &Term, range: Axis<'_>) -> Panel {
         Some((end, _)) => format!("{}…", &term.name[..end]),
         None => term.name.clone(),
     };
+    let name = name.replace('-', "−");
     let x = Axis::rollouts(trials.iter().map(|trial| trial.rollout));
     let y = Axis { label: &name, ..range };
     let alt = format!("{} over {} rollouts", term.name, trials.len());

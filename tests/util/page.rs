@@ -38,7 +38,7 @@ impl Page {
         let process = Running::start(&mut command);
         let (address, token) = eventually("a link", || {
             let said = text(&said);
-            let link = said.split("open http://").nth(1)?.split(';').next()?;
+            let (link, _) = said.split("open http://").nth(1)?.split_once('\n')?;
             let (address, token) = link.split_once("/#token=")?;
             Some((address.to_string(), token.to_string()))
         });

@@ -71,7 +71,8 @@ pub fn run(
         "scene": scene::still(&scribe),
     });
     let page = Arc::new(Page::new(&named.cell, format!("{first}\n"), allows_commands)?);
-    say(&format!("open {}; Ctrl-C ends it", page.serve(address)?));
+    // Nothing behind the address: a terminal would take it for a part of it.
+    say(&format!("Ctrl-C ends it; open {}", page.serve(address)?));
     let now = Instant::now();
     let mut poster = Poster {
         named,
