@@ -132,14 +132,14 @@ fn counters(status: &Status) -> [(&'static str, &'static str, u64); 11] {
     [
         ("ticks", "Ticks of the loop", status.tick),
         ("deadline_misses", "Deadlines missed by a period or more", status.deadline_misses),
-        ("rollouts", "Rollouts that a learner asked for", status.rollouts_done),
+        ("rollouts", "Rollouts requested by a learner", status.rollouts_done),
         ("rollouts_served", "Rollouts of a served policy", status.rollouts_served),
         ("swaps", "Commanded swaps applied", status.swaps_applied),
         ("swaps_torn", "Swaps that were read back damaged", status.swaps_torn),
         ("policies_refused", "Policies refused by admission", status.policies_refused),
         ("commands_refused", "Commands refused", status.commands_refused),
-        ("rollbacks", "Ways back to an earlier policy", status.rollbacks),
-        ("stalls", "Times the loop stood still", status.stalls),
+        ("rollbacks", "Rollbacks to an earlier policy", status.rollbacks),
+        ("stalls", "Stalls of the loop", status.stalls),
         ("state_errors", "Writes to the cell's state that failed", status.state_errors),
     ]
 }
@@ -174,13 +174,17 @@ fn durations(status: &Status) -> Vec<(&'static str, &'static str, u64)> {
         ("tick_p50", "Time in a tick, median", status.tick_p50_ns),
         ("tick_p99", "Time in a tick, 99th percentile", status.tick_p99_ns),
         ("tick_max", "Time in a tick, worst", status.tick_max_ns),
-        ("stall_longest", "The loop stood still, worst", status.stall_longest_ns),
+        ("stall_longest", "Longest stall of the loop", status.stall_longest_ns),
     ];
     if status.learner_age_ns != u64::MAX {
-        durations.push(("learner_silence", "Since the learner was heard", status.learner_age_ns));
+        durations.push((
+            "learner_silence",
+            "Time since the last learner heartbeat",
+            status.learner_age_ns,
+        ));
     }
     if status.stall_age_ns != u64::MAX {
-        durations.push(("stall_age", "Since the loop last stood still", status.stall_age_ns));
+        durations.push(("stall_age", "Time since the last stall of the loop", status.stall_age_ns));
     }
     durations
 }

@@ -41,7 +41,7 @@ pub fn json_line(value: &impl serde::Serialize) -> Result<String> {
 /// Writes a file that is not there yet.
 pub fn write_new(path: &Path, text: &str) -> Result<()> {
     if path.exists() {
-        bail!("{}: exists already: choose another name, or remove it first", path.display());
+        bail!("{}: already exists: choose another name, or remove it first", path.display());
     }
     write(path, text)
 }

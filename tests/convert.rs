@@ -115,12 +115,12 @@ fn what_is_there_stays_unless_it_is_a_bag_and_force_is_given() {
     bench.write("thesis/text.tex", "years of work");
     let convert = |out| ["convert", "s", "--ros2", "-o", out];
     let force = |out| [&convert(out)[..], &["--force"]].concat();
-    bench.refused(&convert("thesis"), &["thesis", "exists already", "--force"]);
+    bench.refused(&convert("thesis"), &["thesis", "already exists", "--force"]);
     bench.refused(&force("thesis"), &["thesis", "not a bag"]);
     assert_eq!(util::text(&bench.path("thesis/text.tex")), "years of work");
     bench.ok(&force("empty"));
     let whole = counts(&bench.path("empty"));
-    bench.refused(&convert("empty"), &["exists already"]);
+    bench.refused(&convert("empty"), &["already exists"]);
     bench.ok(&force("empty"));
     assert_eq!(counts(&bench.path("empty")), whole);
 }

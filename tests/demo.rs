@@ -31,7 +31,7 @@ fn nothing_is_overwritten_and_what_the_arm_cannot_do_is_said() {
     bench.write("recording.csv", DEMONSTRATION);
     bench.write("there.csv", "mine");
     let import = |out| ["demo", "import", "recording.csv", "--out", out];
-    bench.refused(&import("there.csv"), &["there.csv", "exists already"]);
+    bench.refused(&import("there.csv"), &["there.csv", "already exists"]);
     assert_eq!(util::text(&bench.path("there.csv")), "mine");
     bench.refused(&import("nowhere/d.csv"), &["nowhere/d.csv", "folder"]);
     bench.refused(&["demo", "import", "absent.csv", "--out", "d.csv"], &["absent.csv", "path"]);
@@ -47,7 +47,7 @@ fn nothing_is_overwritten_and_what_the_arm_cannot_do_is_said() {
     assert!(said.contains("NOT FOR THIS ARM") && said.contains("begins 0.280 m"), "{said}");
     assert!(bench.path("far.csv").exists(), "written all the same");
     bench.write("recording.csv", DEMONSTRATION);
-    bench.refused(&import("far.csv"), &["far.csv", "exists already", "--force"]);
+    bench.refused(&import("far.csv"), &["far.csv", "already exists", "--force"]);
     bench.ok(&[&import("far.csv")[..], &["--force"]].concat());
     let left: Vec<_> = std::fs::read_dir(bench.path(".")).unwrap().flatten().collect();
     let drafts = left.iter().filter(|file| file.file_name().to_string_lossy().ends_with(".new"));

@@ -42,7 +42,7 @@ fn trials_come_back_from_csv_bit_for_bit() {
 
     bench.ok(&["trials", "s", "--csv", "trials.csv"]);
     assert_eq!(util::text(&bench.path("trials.csv")), printed);
-    bench.refused(&["trials", "s", "--csv", "trials.csv"], &["trials.csv", "exists already"]);
+    bench.refused(&["trials", "s", "--csv", "trials.csv"], &["trials.csv", "already exists"]);
     bench.refused(&["trials", "nowhere"], &["nowhere", "no session here"]);
 }
 

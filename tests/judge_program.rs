@@ -198,7 +198,7 @@ fn what_is_no_answer_ends_the_session_by_name_and_a_better_program_goes_on_with_
         ("divides", &["NaN", "which is not valid"]),
         ("misspells", &["unknown field `sucess`"]),
     ] {
-        let named = [command(kind), "failed 3 times at rollout 3".into(), "judge.log".into()];
+        let named = [command(kind), "failed 3 times on rollout 3".into(), "judge.log".into()];
         let named: Vec<&str> =
             named.iter().map(String::as_str).chain(words.iter().copied()).collect();
         bench.refused(&learn(kind, "5", &command(kind)), &named);
@@ -243,7 +243,7 @@ fn a_program_that_hangs_is_given_up_and_nothing_else_hangs() {
     let said = stderr(&output);
     assert_eq!(output.status.code(), Some(2), "{said}");
     let words =
-        ["failed 3 times at rollout 3", "did not reply within 2.5 s", "task.judge.timeout_s"];
+        ["failed 3 times on rollout 3", "did not reply within 2.5 s", "task.judge.timeout_s"];
     assert!(words.iter().all(|word| said.contains(word)), "{said}");
     assert_eq!(bench.trials("s").len(), 2);
     assert!(status(&bench).is_some(), "the controller goes on");
@@ -299,7 +299,7 @@ fn what_cannot_judge_is_refused_before_it_starts() {
     // A session is not judged again by a program that it never had.
     bench.ok(&["learn", "landscape", "--rollouts", "2", "--out", "plain"]);
     let again = ["judge", "plain", "--config", "c.toml"];
-    bench.refused(&again, &["task.judge.program is not asked about stored trials", "height (1)"]);
+    bench.refused(&again, &["task.judge.program does not run on stored trials", "height (1)"]);
 }
 
 /// Reads the file as its format says, without NumPy.

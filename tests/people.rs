@@ -184,7 +184,7 @@ fn who_waits_for_a_rating_says_so_and_ends_when_it_is_asked_to() {
     let output = learner.wait();
     assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
     let log = stderr(&output);
-    assert!(log.contains("the search stands still") && log.contains("skillet demo add"), "{log}");
+    assert!(log.contains("the search is stuck") && log.contains("skillet demo add"), "{log}");
     assert_eq!(ratings(&bench, "s").len(), 3);
 }
 

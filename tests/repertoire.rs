@@ -30,7 +30,7 @@ fn a_wish_gets_a_policy_and_one_that_nothing_serves_hears_what_does() {
     let refused = |wish: &str, words: &[&str]| {
         bench.refused(&["policy", "export", "s", "--where", wish], words);
     };
-    refused("apex_m > 2", &["rollouts that succeeded is as wished", "apex_m lies between 0."]);
+    refused("apex_m > 2", &["successful rollouts meets `apex_m > 2`", "apex_m between 0."]);
     refused("apx_m > 0.3", &["--where", "there is no measure `apx_m`; did you mean `apex_m`"]);
     refused("apex_m", &["--where", "number", "truth value"]);
     bench.refused(

@@ -68,7 +68,7 @@ impl fmt::Display for Event {
             Event::Left { cell, host, why } => {
                 write!(
                     f,
-                    "cell {cell}: its bridge on {host} {why}; its learner waits or asks others"
+                    "cell {cell}: its bridge on {host} {why}; its learner waits or uses other cells"
                 )
             }
             Event::Refused { cell, reason } => write!(f, "cell {cell}: refused: {reason}"),
@@ -79,7 +79,8 @@ impl fmt::Display for Event {
             Event::Connected { address } => write!(f, "connected to the learner at {address}"),
             Event::NoAnswer { address, reason } => write!(
                 f,
-                "no answer from the learner at {address}: {reason}; the controller goes on alone, what it has executed waits in its spool"
+                "no answer from the learner at {address}: {reason}; the controller continues \
+                 alone; finished episodes wait in its spool"
             ),
             Event::Asked { session, rollout } => {
                 write!(f, "asked for rollout {rollout} of session {session:016x}")
@@ -93,13 +94,14 @@ impl fmt::Display for Event {
                  the spool until a learner resumes its session"
             ),
             Event::Learner { cell, is_there: true } => {
-                write!(f, "cell {cell}: its learner is there")
+                write!(f, "cell {cell}: learner connected")
             }
             Event::Learner { cell, is_there: false } => write!(
                 f,
-                "cell {cell}: no learner works in it, its session may have ended; what it has executed waits in its spool"
+                "cell {cell}: no learner works in it, its session may have ended; finished \
+                 episodes wait in its spool"
             ),
-            Event::Controller { cell } => write!(f, "cell {cell}: its controller is there"),
+            Event::Controller { cell } => write!(f, "cell {cell}: controller connected"),
             Event::Command { cell, what, outcome: Ok(()) } => {
                 write!(f, "cell {cell}: `{what}` through the bridge: done")
             }
@@ -110,7 +112,7 @@ impl fmt::Display for Event {
                 write!(f, "cell {cell}: its loop is watched through the bridge")
             }
             Event::Watched { cell, is_watched: false } => {
-                write!(f, "cell {cell}: nobody watches its loop through the bridge any more")
+                write!(f, "cell {cell}: no observer is left on the bridge")
             }
         }
     }

@@ -121,7 +121,7 @@ fn answer_at_the_door(query: &Query, names: &[String], on_event: &(dyn Fn(Event)
         Ok(turn) => {
             let (cell, owner) = (turn.head.cell_name(), turn.head.certificate_name());
             let reason = if !owner.is_empty() && owner != cell {
-                format!("it has the keys of cell '{owner}': take those of '{cell}'")
+                format!("it uses the keys of cell '{owner}': use those of '{cell}'")
             } else if !names.contains(&cell) {
                 format!("not in the allow-list ({}): add it to --allow", names.join(", "))
             } else {

@@ -274,7 +274,7 @@ impl Join<'_> {
                 turns.ended();
                 let is_unexplained = turns.failures > KNOCK_AFTER;
                 if kind == Kind::News && is_unexplained && self.reach.complained.is_nothing() {
-                    let reason = "the link is cut, or nobody serves this cell there";
+                    let reason = "the link is down, or no hub serves this cell";
                     self.reach.failed(reason.to_string());
                 }
             }

@@ -62,11 +62,11 @@ pub enum KeysError {
     Days(u32),
     #[error("a certificate cannot be made")]
     Make(#[from] rcgen::Error),
-    #[error("{path} is no certificate: {reason}; make one with `skillet bridge keys`")]
+    #[error("{path} is not a certificate: {reason}; make one with `skillet bridge keys`")]
     Unreadable { path: PathBuf, reason: String },
     #[error(
-        "{path} is valid from {from} to {to}, and it is not that time by the clock of this machine: set the clock, or \
-         make a new certificate"
+        "{path} is valid from {from} to {to}, but this machine's clock is outside that period: set \
+         the clock, or make a new certificate"
     )]
     Dates { path: PathBuf, from: String, to: String },
 }

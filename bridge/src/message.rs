@@ -24,7 +24,7 @@ pub struct Prefix {
 /// Why a message of the other side is not used.
 #[derive(Debug, Error, PartialEq)]
 pub enum MessageError {
-    #[error("it is no message of a bridge, or comes from a machine of the other byte order")]
+    #[error("not a bridge message, or from a machine with the other byte order")]
     Magic,
     #[error(
         "bridge version {found} instead of {VERSION}: use one version of skillet on both machines"
@@ -34,9 +34,9 @@ pub enum MessageError {
         "schema {found:#x} instead of {SCHEMA:#x}: the two machines run different builds of skillet; use one"
     )]
     Schema { found: u64 },
-    #[error("it has {len} bytes, which is no whole message")]
+    #[error("message of the wrong length ({len} bytes)")]
     Length { len: usize },
-    #[error("a name or a reason in it is no text")]
+    #[error("a name or a reason in it is not valid text")]
     Text,
     #[error("its {0} is out of range")]
     Value(&'static str),

@@ -32,7 +32,7 @@ pub enum NetError {
          listen on 127.0.0.1"
     )]
     Open(String),
-    #[error("address '{address}' is of '{found}': with keys it is 'tls', without them 'tcp'")]
+    #[error("address '{address}' uses '{found}': use 'tls' with keys, 'tcp' without")]
     Protocol { address: String, found: String },
     #[error(transparent)]
     Keys(#[from] keys::KeysError),

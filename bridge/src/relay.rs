@@ -140,7 +140,8 @@ impl Relay {
         let is_late =
             |p: &mut Pending| p.progress == Progress::Queued && p.came.elapsed() >= UNSENT;
         for pending in self.pending.extract_if(.., is_late).collect::<Vec<_>>() {
-            let reason = format!("the cell did not take it for {UNSENT:.0?}: nothing was done");
+            let reason =
+                format!("the cell did not accept it within {UNSENT:.0?}: nothing was done");
             self.refuse(&pending.request, &reason);
         }
         let reason = format!("no reply for {UNANSWERED:.0?}");

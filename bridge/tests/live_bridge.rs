@@ -189,7 +189,7 @@ fn ticks_are_seen_through_the_bridge_while_somebody_looks_and_are_marked() {
     }
     assert!(outcomes <= 2, "each once: {outcomes}");
     drop(ports);
-    bridge.until("and nothing is sent any more", |events| has(events, "nobody watches"));
+    bridge.until("and nothing is sent any more", |events| has(events, "no observer is left"));
 }
 
 fn look_for(ports: &ObserverPorts, n: usize) -> Vec<Telemetry> {

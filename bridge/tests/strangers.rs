@@ -147,8 +147,8 @@ fn a_cell_with_the_keys_of_another_is_refused_and_told() {
     let kitchen = Kitchen::new();
     let cell = kitchen.machines.cell("cell", "kitchen");
     let join = kitchen.machines.join(2, cell, keys_of(&kitchen.keys, "lab"));
-    join.until("it is told", |events| has(events, "it has the keys of cell 'lab'"));
-    assert!(kitchen.hub.look(|events| has(events, "it has the keys of cell 'lab'")));
+    join.until("it is told", |events| has(events, "it uses the keys of cell 'lab'"));
+    assert!(kitchen.hub.look(|events| has(events, "it uses the keys of cell 'lab'")));
     kitchen.nothing_moved();
 }
 
@@ -189,7 +189,7 @@ fn what_somebody_else_shows_of_a_loop_is_not_seen() {
         show(&other, &tick(BRIDGE, 1));
         show(&own, &tick(99, 2));
         show(&own, b"rubbish");
-        has(events, "live telemetry: it is no message of a bridge")
+        has(events, "live telemetry: not a bridge message")
     });
     let start = std::time::Instant::now();
     let seen = loop {

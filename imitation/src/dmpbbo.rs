@@ -45,12 +45,13 @@ pub enum DmpbboError {
     #[error("this is dmpbbo's jsonpickle file: write the Dmp with `savejson_for_cpp` instead")]
     Pickle,
     /// What the reader of JSON says: a missing field, or a class that is not supported.
-    #[error("no Dmp of dmpbbo that can be read: {0}")]
+    #[error("not a readable dmpbbo Dmp: {0}")]
     Format(String),
     #[error("a {0} is not supported: a Dmp is")]
     Class(String),
     #[error(
-        "the damping changes along the movement (_damping_system), which Eq. (3) has no place for: train without it"
+        "the damping changes along the movement (_damping_system), which Eq. (3) does not support: \
+         train without it"
     )]
     Damping,
     #[error("{0} differs between coordinates, and Eq. (3) has one for all: train with one")]

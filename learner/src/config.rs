@@ -292,8 +292,8 @@ impl LearnerConfig {
         match asks.into_iter().find(|(_, asks, ..)| *asks) {
             Some((field, _, value, nothing)) if !self.search.method.learns_from_any_trial() => {
                 let allowed = format!(
-                    "{nothing} with a search that learns only from its own proposals; use power or aim as \
-                     learner.search.method"
+                    "{nothing}, because this search learns only from its own proposals; or use \
+                     power or aim as learner.search.method"
                 );
                 Err(ConfigError::Range { field: field.into(), value, allowed })
             }

@@ -37,7 +37,7 @@ pub enum LearnerError {
     #[error(transparent)]
     Judge(JudgeError),
     /// No other rollout would fare better: the session cannot go on.
-    #[error("{0}; a session keeps its settings, so start another one with --out")]
+    #[error("{0}; the settings of a session cannot change: start a new one with --out")]
     Reward(TellError),
     #[error("learner.where: {0}")]
     Wish(Box<ParseError>),
@@ -118,8 +118,8 @@ impl From<TellError> for CompleteError {
 pub(crate) fn not_executed(fault: u64) -> Option<&'static str> {
     match fault {
         FAULT_APPROACH_TIMEOUT => Some(
-            "the arm did not reach the start posture in time; if it carries more than its model includes \
-             of, raise controller.posture_stiffness and controller.posture_damping",
+            "the arm did not reach the start posture in time; if it carries a load that its model \
+             lacks, raise controller.posture_stiffness and controller.posture_damping",
         ),
         FAULT_OVERRUN => Some("its host could not hold the period; see `skillet doctor`"),
         _ => None,

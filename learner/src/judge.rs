@@ -123,10 +123,10 @@ impl<V: Verdict> Verdict for Paid<V> {
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum JudgeError {
     #[error(
-        "measured were {}, but this session has {}: it goes on with the plant and the task it was \
-         started with",
-        list(found),
-        list(expected)
+        "this session expects {}, but its plant and task give {}: resume it with its original \
+         plant and task",
+        list(expected),
+        list(found)
     )]
     OtherMeasures { found: Declared, expected: Declared },
     #[error(transparent)]

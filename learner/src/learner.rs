@@ -263,8 +263,8 @@ impl Learner {
         self.telling.was_told(&told);
         for j in self.search.doubted().into_iter().filter(|j| !before.contains(j)) {
             tracing::warn!(
-                "rollout {}: the prediction of {} is off by more than it helps; the search goes by \
-                 what was measured",
+                "rollout {}: the prediction of {} is too inaccurate; the search now uses only \
+                 its measured values",
                 trial.rollout,
                 targets[j].measure
             );

@@ -84,9 +84,7 @@ impl PolicyIds {
 pub enum ParameterError {
     #[error("policy cannot be encoded: {0}")]
     Message(PolicyMsgError),
-    #[error(
-        "a policy of systems has no springs, which are what θ holds: use a policy with components"
-    )]
+    #[error("this policy has systems, but θ encodes springs: use a policy with components")]
     Systems,
     #[error(
         "policy has task_dim {found_dim} and {found} components, the session {task_dim} and \
@@ -107,9 +105,7 @@ pub enum ParameterError {
         "the policy has another certificate than the session, or none: its certificate and following are kept"
     )]
     NoCertificate,
-    #[error(
-        "system {system}: it decays at {value} s⁻¹ in the measure of its certificate: at more than 0"
-    )]
+    #[error("system {system} decays at {value} s⁻¹ under its certificate; this must be above 0")]
     Rate { system: usize, value: f64 },
 }
 
@@ -423,7 +419,7 @@ mod tests {
         systems.systems[0].covariance[0] = 0.01;
         assert_eq!(map(4).encode(&systems.sealed()), Err(ParameterError::Systems));
         let none = ParameterMap::new(&systems.sealed(), Scales::default());
-        assert!(none.unwrap_err().to_string().contains("a policy of systems has no springs"));
+        assert!(none.unwrap_err().to_string().contains("this policy has systems"));
         policy.components[6].stiffness[0] = -5.0;
         let error = map(4).encode(&policy.sealed()).expect_err("not positive definite");
         assert!(error.to_string().starts_with("component 6: stiffness"), "{error}");

@@ -85,8 +85,8 @@ impl Problem {
             let lasts_s = encoding.decode(&self.spaces[0].theta_0, PolicyIds::default()).duration_s;
             if (found_s - lasts_s).abs() > 1e-6 {
                 return Err(misfit(format!(
-                    "it lasts {found_s:.2} s, and the policies of this session {lasts_s:.2} s: make \
-                     it as long, they share their clock"
+                    "it lasts {found_s:.2} s, but policies of this session last {lasts_s:.2} s: \
+                     give it the same duration"
                 )));
             }
             let start = encoding.refit(&shown).map_err(|error| misfit(error.to_string()))?;

@@ -32,8 +32,8 @@ pub enum Unserved {
     #[error("no rollout of this session has succeeded yet: there is nothing to choose from")]
     NoSuccess,
     #[error(
-        "none of the {successes} rollouts that succeeded is as wished (`{wish}`); in them {served}: wish \
-         for something within, or learn it, as with learner.search.aim.then = \"cover\""
+        "none of the {successes} successful rollouts meets `{wish}`; they have {served}: relax the \
+         condition, or learn it with learner.search.aim.then = \"cover\""
     )]
     Nothing { wish: String, successes: usize, served: String },
 }
@@ -85,7 +85,7 @@ fn unserved(executed: &[&TrialRecord], wish: &Wish) -> Unserved {
         let (min, max) = values().fold((f64::INFINITY, f64::NEG_INFINITY), |(min, max), value| {
             (min.min(value), max.max(value))
         });
-        format!("{name} lies between {min:.3} and {max:.3}")
+        format!("{name} between {min:.3} and {max:.3}")
     };
     let served: Vec<String> = wish.names().into_iter().map(range).collect();
     let (wish, successes) = (wish.text().to_string(), successes.len());

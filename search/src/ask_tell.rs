@@ -17,9 +17,9 @@ pub enum TellError {
     Dimension { rollout: u64, found: usize, expected: usize },
     #[error("trial {rollout}: θ is not finite")]
     Theta { rollout: u64 },
-    #[error("trial {rollout} was not asked for")]
+    #[error("trial {rollout} was not proposed")]
     NotAsked { rollout: u64 },
-    #[error("trial {rollout} was told already")]
+    #[error("trial {rollout} was already reported")]
     Duplicate { rollout: u64 },
 }
 

@@ -169,7 +169,7 @@ fn reasons(refusal: &Refusal) -> Vec<(Option<u32>, String)> {
             .collect(),
         Refusal::NoChain => vec![(
             None,
-            "no joint is revolute or continuous: this is not an arm; give the URDF of one".into(),
+            "no joint is revolute or continuous: this is not an arm; use an arm's URDF".into(),
         )],
         Refusal::NoPosture(reason) => vec![(None, format!("no start posture: {reason}"))],
         Refusal::Other(error) => vec![(None, format!("{error:#}"))],

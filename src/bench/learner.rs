@@ -22,11 +22,11 @@ use crate::tasks::executor::executor;
 pub const BENCH: Bench = Bench {
     name: "learner",
     title: "One learner, many cells",
-    about: "A learner service with a session of the pancake, fed by cells whose controllers are made up: \
-            each answers a proposal at once with one and the same whole episode, through shared memory, as a \
-            controller does, so that nothing but the learner is measured. An episode counts when it is \
-            acknowledged: judged, learnt, and durable in the session. Processor time and memory are \
-            those of the learner's process.",
+    about: "A learner service runs a session of the pancake and gets its episodes from stand-in \
+            controllers. Each of them answers a proposal at once, through shared memory as a real \
+            controller does, and always with the same complete episode, so that only the learner \
+            is measured. An episode counts when it is acknowledged: judged, learnt, and durable \
+            in the session. Processor time and memory are those of the learner's process.",
     seconds: 60.0,
     run,
 };

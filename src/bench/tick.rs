@@ -15,12 +15,13 @@ use super::{Bench, Case, Plan, Row, interleave};
 pub const BENCH: Bench = Bench {
     name: "tick",
     title: "What a tick costs",
-    about: "Parts of a tick are too short to be timed one by one: each value is the mean of 100 \
-            calls over different random states of the arm (one seed), so their tails are those of \
-            batches. The whole tick is timed one by one, in rollouts of the pancake world, while \
-            the policy drives the arm. Springs are those of Eq. (5); systems are Eq. (2) whole, with \
-            a full Gaussian and a full matrix each. The timer is what a pair of clock readings adds to each of \
-            those. The parts of the arm depend on its joints only, not on the policy.",
+    about: "Parts of a tick are too short to be timed individually: each value is the mean of 100 \
+            calls over different random states of the arm (one seed), so the tails are those of \
+            batches. Whole ticks are timed individually, during rollouts in the pancake world in \
+            which the policy drives the arm. Springs are those of Eq. (5); systems are the \
+            complete Eq. (2), each with a full Gaussian and a full matrix. The timer is what a \
+            pair of clock readings adds to each timing. The costs of the arm's parts depend on \
+            its joints only, not on the policy.",
     seconds: 30.0,
     run,
 };

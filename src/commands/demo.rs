@@ -48,7 +48,7 @@ fn add(args: &AddArgs) -> Result<Verdict> {
 fn import(args: &ImportArgs) -> Result<Verdict> {
     let (out, is_taken) = (args.out.display(), args.out.exists() && !args.force);
     if is_taken {
-        bail!("{out}: exists already: choose another name, or overwrite it with --force");
+        bail!("{out}: already exists: choose another name, or overwrite it with --force");
     }
     let config = Config::load(args.config.as_deref())?;
     if !config.has_arm() {

@@ -34,8 +34,8 @@ pub fn run(args: &JudgeArgs) -> Result<Verdict> {
     let has_program = config.task.judge.as_ref().is_some_and(JudgeConfig::has_program);
     if has_program && !measures.iter().any(|(name, _)| name == REWARD) {
         bail!(
-            "{}: task.judge.program is not asked about stored trials, and this session was judged by none: \
-             write task.judge.reward over what was measured ({})",
+            "{}: task.judge.program does not run on stored trials, and this session has no stored \
+             program results: write task.judge.reward over its measures ({})",
             config_path.display(),
             list(measures)
         );

@@ -414,8 +414,8 @@ impl Held<'_> {
         let Some(status) = status else { return };
         if status.latched_fault != self.told && status.latched_fault != 0 {
             progress.note(&format!(
-                "the arm is held: {}; once the cause is gone, `skillet rearm --cell {}` lets the \
-                 session go on",
+                "the arm is held: {}; once the cause is fixed, run `skillet rearm --cell {}` to \
+                 continue",
                 Fault::describe(status.latched_fault as u32),
                 self.cell.name()
             ));

@@ -253,7 +253,7 @@ impl Log {
             Event::NoController { cell } => {
                 tell_manager("waiting for a controller");
                 tracing::warn!(
-                    "{}no controller so far: start `skillet controller` for it; waiting",
+                    "{}no controller so far: start it with `skillet controller`; waiting",
                     self.of(cell)
                 );
             }
@@ -282,9 +282,9 @@ impl Log {
                 tracing::info!("{}the arm is re-armed", self.of(cell));
             }
             Event::Held { cell, fault } => {
-                tell_manager("waiting: the arm is held after a machine fault");
+                tell_manager("waiting: the arm is held; run `skillet rearm` to resume");
                 tracing::warn!(
-                    "{}the arm is held after a machine fault ({}); waiting for `skillet rearm`",
+                    "{}the arm is held ({}); waiting for `skillet rearm`",
                     self.of(cell),
                     Fault::describe(*fault as u32)
                 );
@@ -305,9 +305,9 @@ impl Log {
                     ("higher", 100.0 - 100.0 * worse)
                 };
                 tracing::warn!(
-                    "cell {cell} differs from the others: over {trials} rollouts its rewards are {word} than \
-                     theirs about the same time in {share:.0} % of all comparisons; look at its arm and \
-                     its plant, and leave it out if it is another one"
+                    "cell {cell} differs from the others: over {trials} rollouts its rewards are \
+                     {word} than those of others at about the same time in {share:.0} % of all \
+                     comparisons; check its arm and plant, and leave it out if they differ"
                 );
             }
             Event::Retired { cell, reason } => {
@@ -317,7 +317,7 @@ impl Log {
                 );
             }
             Event::AskedAgain { cell, rollout, reason } => {
-                tracing::warn!("{}rollout {rollout} asked for again: {reason}", self.of(cell));
+                tracing::warn!("{}rollout {rollout} requested again: {reason}", self.of(cell));
             }
             _ => {}
         }
@@ -370,9 +370,9 @@ fn report_people(event: &Event<'_>, line: &mut TrialLine) {
             };
         }
         Event::StandsStill(true) => tracing::warn!(
-            "the search stands still: show it how, `skillet demo add SESSION file.csv`"
+            "the search is stuck: add a demonstration with `skillet demo add SESSION file.csv`"
         ),
-        Event::StandsStill(false) => tracing::info!("the search no longer stands still"),
+        Event::StandsStill(false) => tracing::info!("the search is making progress again"),
         _ => {}
     }
 }

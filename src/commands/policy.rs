@@ -169,9 +169,7 @@ fn one(policy: &[String], cell: &CellArgs) -> Result<PolicyMsg> {
 
 fn of_session(session: &Path, id: u64) -> Result<PolicyMsg> {
     let policy = store(session)?.policy(id)?;
-    policy.with_context(|| {
-        format!("policy {id}: not in this session; `skillet policy list` shows what is")
-    })
+    policy.with_context(|| format!("policy {id}: not in this session; see `skillet policy list`"))
 }
 
 fn show(policy: &PolicyMsg, as_json: bool) -> Result<Verdict> {

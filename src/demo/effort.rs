@@ -130,7 +130,7 @@ fn joint_path(
     for (k, target) in demonstration.path().iter().enumerate() {
         q = inverse_kinematics::solve(model, target, &q).with_context(|| {
             let (file, t) = (demonstration.file(), k as f64 * demonstration.period_s());
-            format!("{file}: the pan cannot get there at t = {t:.2} s")
+            format!("{file}: at t = {t:.2} s")
         })?;
         path.push(q.into());
     }

@@ -46,7 +46,7 @@ pub fn decode(file: &str, bytes: &[u8]) -> Result<(String, Encoding)> {
     let is_binary = |c: char| c.is_ascii_control() && !matches!(c, '\t' | '\n' | '\r' | '\x0c');
     if let Some(c) = text.chars().take(SAMPLE_BYTES).find(|c| is_binary(*c)) {
         bail!(
-            "{file}: is no text (it holds the byte {:#04x}): give a table of text, CSV",
+            "{file}: not a text file (contains byte {:#04x}): use a text table such as CSV",
             u32::from(c)
         );
     }
@@ -97,7 +97,7 @@ mod tests {
     fn refuses_what_is_no_text() {
         for (bytes, word) in [
             (&b"\xff\xfe\x00\x00t\x00\x00\x00"[..], "iconv -f UTF-32"),
-            (b"t,x\n\x00\x00\x01\x02", "no text"),
+            (b"t,x\n\x00\x00\x01\x02", "not a text file"),
             (b"\x02\x01abc", "0x02"),
         ] {
             let message = decode("r.csv", bytes).unwrap_err().to_string();

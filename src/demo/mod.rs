@@ -125,7 +125,7 @@ pub fn import(file: &str, bytes: &[u8], model: &ArmModel, options: &Options) -> 
         if width_s < period {
             bail!(
                 "--smooth-s {width_s}: shorter than the {period:.4} s between two rows of {file} and \
-                 would change nothing: use at least that, or leave it away"
+                 would change nothing: use at least that, or omit it"
             );
         }
     }

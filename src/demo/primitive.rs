@@ -22,8 +22,8 @@ pub fn table(file: &str, bytes: &[u8], n_joints: usize, is_mapped: bool) -> Resu
     if let Some(at) = path.iter().position(|x| !x.is_finite()) {
         let (row, coordinate) = (at / path.nrows(), at % path.nrows() + 1);
         bail!(
-            "{file}: played, coordinate {coordinate} is no finite number at {:.3} s: check _tau, spring_constant, \
-             damping_coefficient and mass of the primitive",
+            "{file}: when integrated, coordinate {coordinate} is not finite at {:.3} s: check \
+             _tau, spring_constant, damping_coefficient and mass of the primitive",
             row as f64 * period_s
         );
     }
@@ -55,8 +55,8 @@ fn names(file: &str, dim: usize, n_joints: usize, is_mapped: bool) -> Result<Vec
         (false, true, false) => Ok(POSE[..dim].iter().map(|name| name.to_string()).collect()),
         (false, false, true) => Ok(numbered("q", "_rad")),
         (false, true, true) => bail!(
-            "{file}: a primitive of {dim} coordinates, and so many have both a pose and the joints of the arm: say \
-             which they are with --columns x=y1,y=y2,z=y3,… or q1=y1,q2=y2,…"
+            "{file}: a primitive of {dim} coordinates; that number fits both a pose and the joints \
+             of the arm: say which they are with --columns x=y1,y=y2,z=y3,… or q1=y1,q2=y2,…"
         ),
         _ => bail!(
             "{file}: a primitive of {dim} coordinates: without --columns, 3 are x, y, z, 4 have a pitch besides, 6 roll \

@@ -203,9 +203,9 @@ impl Settings {
         // A caller that goes on all the same begins anew.
         asked.failures = 0;
         AssessError::Broken(format!(
-            "the judge `{command}` failed {ATTEMPTS} times at rollout {rollout}: {words}{last_words}. Its log \
-             is {}. Everything before is saved: fix the program and resume; rollout {rollout} is then judged \
-             again",
+            "the judge `{command}` failed {ATTEMPTS} times on rollout {rollout}: {words}\
+             {last_words}. Its log is {}. All earlier rollouts are saved: fix the program and \
+             resume; rollout {rollout} is then judged again",
             self.log.display()
         ))
     }

@@ -137,7 +137,7 @@ impl Drop for Bag {
 fn expect_replaceable(folder: &Path, force: bool) -> Result<()> {
     let name = folder.display();
     if !force {
-        bail!("{name}: exists already; choose another --out, or --force to replace a bag");
+        bail!("{name}: already exists; choose another --out, or --force to replace a bag");
     }
     let is_empty = || fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_none());
     if !folder.join(METADATA).is_file() && !is_empty() {

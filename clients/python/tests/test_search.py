@@ -86,7 +86,7 @@ class Asking(unittest.TestCase):
         b.ask()
         self.assertEqual(bits(a.ask().theta), bits(b.ask().theta))
         self.assertTrue(a.told[-1].failed)
-        self.assertIn("trial 31 was told already", refusal(self, lambda: a.tell(31, 1.0)))
+        self.assertIn("trial 31 was already reported", refusal(self, lambda: a.tell(31, 1.0)))
 
     def test_what_was_executed_may_differ_from_what_was_proposed(self):
         search = skillet.Search("power", start=[0.0])
@@ -214,7 +214,7 @@ class Messages(unittest.TestCase):
             (lambda: skillet.Search(start=[0.0, 0.0], directions=[[1.0]]), "directions", "2 parameters"),
             (lambda: search.tell(trial, float("nan")), "trial 1", "fail(trial)"),
             (lambda: search.tell(trial, 1.0, theta=[0.0]), "trial 1", "1 numbers instead of 2"),
-            (lambda: search.tell(9, 1.0), "trial 9 was not asked for", "[1]"),
+            (lambda: search.tell(9, 1.0), "trial 9 was not proposed", "[1]"),
             (lambda: skillet.Search.from_demonstrations([]), "demonstrations"),
         ]:
             said = refusal(self, function)

@@ -166,7 +166,10 @@ fn what_is_not_supported_is_refused_by_its_name() {
         (&|f| f["_tau"] = json!(5e-324), "_tau must be positive"),
         (&|f| f["_spring_system"]["mass"] = json!(1e-307), "relative to mass and _tau"),
         (&|f| f["_function_approximators"][1]["class"] = "FunctionApproximatorGPR".into(), "GPR"),
-        (&|f| f["_function_approximators"][0]["_model_params"] = Value::Null, "no Dmp of dmpbbo"),
+        (
+            &|f| f["_function_approximators"][0]["_model_params"] = Value::Null,
+            "not a readable dmpbbo Dmp",
+        ),
         (
             &|f| f["_function_approximators"][0]["_model_params"]["widths"][1][0] = json!(0.0),
             "widths",
@@ -175,7 +178,7 @@ fn what_is_not_supported_is_refused_by_its_name() {
             &|f| f["_function_approximators"][0]["_model_params"]["weights"] = json!([[1.0]]),
             "has 1 values",
         ),
-        (&|f| f["_phase_system"] = Value::Null, "no Dmp of dmpbbo"),
+        (&|f| f["_phase_system"] = Value::Null, "not a readable dmpbbo Dmp"),
         (&|f| f["py/object"] = "dmpbbo.dmps.Dmp.Dmp".into(), "savejson_for_cpp"),
     ] {
         let message = refused(change);

@@ -7,7 +7,7 @@ use thiserror::Error;
 
 #[derive(Debug, Error)]
 pub enum StoreError {
-    #[error("{path} exists already: resume that session, move it away, or give another --out")]
+    #[error("{path} already exists: resume that session, move it away, or give another --out")]
     Exists { path: PathBuf },
     #[error("{path} does not exist: start a session there first, or name an existing one")]
     Missing { path: PathBuf },

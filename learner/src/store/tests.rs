@@ -216,7 +216,7 @@ fn never_overwrites_and_never_invents_a_session() {
     let directory = TempDir::new().unwrap();
     let (path, store) = session(&directory);
     let error = Store::create(&path, meta(), &policy(0)).err().unwrap().to_string();
-    assert!(error.contains("exists already") && error.contains("--out"), "{error}");
+    assert!(error.contains("already exists") && error.contains("--out"), "{error}");
     drop(store);
     assert!(refusal(&directory.path().join("other.db")).contains("does not exist"));
     let nowhere = directory.path().join("no/such/folder.db");

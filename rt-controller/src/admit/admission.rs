@@ -78,7 +78,9 @@ pub enum AdmissionError {
     )]
     Contraction { system: usize, eigenvalue: f64 },
     #[error(
-        "system {system}: at the target it leaves {speed:.3e} m/s or rad/s, at most {REST_MAX:e} is none; set offset = −of_position · target, on the sphere with zeros for the target's rotation"
+        "system {system}: at the target its speed is {speed:.3e} m/s or rad/s; at most \
+         {REST_MAX:e} is allowed: set offset = −of_position · target, on the sphere with zeros \
+         for the target's rotation"
     )]
     Rest { system: usize, speed: f64 },
     #[error(

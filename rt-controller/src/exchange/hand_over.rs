@@ -26,7 +26,7 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
             if self.serving.torn > torn {
                 tracing::error!(
                     policy = policy.policy_id,
-                    "the loop holds another policy than sent"
+                    "the policy in the loop differs from the one sent"
                 );
             }
             if let (true, Some(in_flight)) = (applied.in_rollout, &mut self.in_flight) {

@@ -265,9 +265,7 @@ impl<'a, P: Clone + PartialEq> Exchange<'a, P> {
         match self.ports.renewed() {
             Ok(ports) => {
                 self.ports = ports;
-                tracing::warn!(
-                    "services recreated: dead processes had left too much in the old ones"
-                );
+                tracing::warn!("services recreated: dead processes had exhausted the old ones");
             }
             Err(error) => tracing::error!("services cannot be recreated: {error}"),
         }

@@ -44,7 +44,9 @@ impl<P: Clone + PartialEq> Exchange<'_, P> {
         self.posture_of = Some(served.message.digest);
         if let Err(error) = (self.setup.check_posture)(&served.policy, &self.posture) {
             let policy = served.name().describe();
-            tracing::warn!("the posture goes back to its start under policy {policy}: {error}");
+            tracing::warn!(
+                "posture offset removed, because it would disturb policy {policy}: {error}"
+            );
             self.posture = PostureMove { duration_s: self.posture.duration_s, ..PostureMove::NONE };
             self.posture_seq += 1;
             let order = PostureOrder { seq: self.posture_seq, to: self.posture };

@@ -72,7 +72,8 @@ pub enum Refused {
     )]
     Torque { joint: String, theirs: f64, ours: f64 },
     #[error(
-        "its joint {joint} rests at {found} rad, the arm's moves within {min}..={max}: check units and zero"
+        "its joint {joint} is at {found} rad, outside the arm's range {min}..={max}: check units \
+         and zero"
     )]
     Posture { joint: String, found: f64, min: f64, max: f64 },
     #[error("it tracks no object, but the task needs one")]
@@ -203,7 +204,7 @@ mod tests {
             (|h| h.urdf_sha256 = [1; 32], ["01010101", "07070707"]),
             (|h| h.tau_max[0] = 99.0, ["99 N·m", "150"]),
             (|h| h.q[3] = 90.0, ["90 rad", "units"]),
-            (|h| h.q[3] = f64::NAN, ["NaN rad", "within"]),
+            (|h| h.q[3] = f64::NAN, ["NaN rad", "outside the arm's range"]),
         ];
         for (change, words) in changes {
             let said = refused(change);

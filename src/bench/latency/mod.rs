@@ -20,15 +20,16 @@ use reference::{bare_loop, cyclictest};
 pub const BENCH: Bench = Bench {
     name: "latency",
     title: "The loop under swaps, load and kills",
-    about: "A controller service at 1 kHz in a private cell, with the simulated plant, under one kind \
-            of disturbance after the other, round after round. Wake-up: from the deadline to the \
-            loop. Tick: from the measurement to the torque. Swap: from the command's sending to the \
-            beginning of the first tick in which the new policy acts; blended over 5 ms. Misses of \
-            loops are whole periods slept through; misses of swaps are those not acknowledged, or \
-            read back different. The bare loop does nothing but sleep to absolute deadlines and \
-            note how late it is: at the same time, on the same core, with the same priority, half a \
-            period away. cyclictest runs between the slices, alone, where it is installed. The \
-            storm is all disturbances together, and takes half of the time.",
+    about: "A controller service runs at 1 kHz in a private cell, with the simulated plant. Each \
+            round puts it under one kind of disturbance after another. Wake-up is the time from \
+            the deadline until the loop runs; tick is the time from the measurement to the \
+            torque. Swap is the time from sending the command to the start of the first tick in \
+            which the new policy acts; swaps are blended over 5 ms. Each whole period that a loop \
+            sleeps through is a miss. A swap is a miss if it is not acknowledged, or if the \
+            policy is read back different. The bare loop only sleeps to absolute deadlines and \
+            records how late it wakes, at the same time, on the same core and at the same \
+            priority, half a period away. cyclictest, if installed, runs alone between the \
+            slices. The storm combines all disturbances and takes half of the time.",
     seconds: 120.0,
     run,
 };

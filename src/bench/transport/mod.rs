@@ -20,13 +20,13 @@ use peer::Peer;
 pub const BENCH: Bench = Bench {
     name: "transport",
     title: "What a message costs",
-    about: "A round trip: one process copies a message in, another one reads it out and sends it \
-            back in the same way. The two are pinned to two cores, at normal priority. Polling asks \
-            again and again without sleeping; waking sleeps until the message is there \
-            (iceoryx2: a notification beside the message; socket and pipe: a blocking read). Socket \
-            (Unix domain, stream) and pipe have buffers of the message's size where the host \
-            allows it. Every slice has a fresh peer; its first round trips are not counted. In a \
-            session the episode is written in place, so that the copies are not made at all.",
+    about: "A round trip: one process copies a message in; another one reads it out and sends it \
+            back in the same way. The two are pinned to two cores and run at normal priority. \
+            Polling retries without sleeping; waking sleeps until the message is there (iceoryx2: \
+            a notification in addition to the message; socket and pipe: a blocking read). Socket \
+            (Unix domain, stream) and pipe have buffers of the message's size if the host allows \
+            it. Every slice starts a new peer, whose first round trips are not counted. In a \
+            session, episodes are written in place, without any copies.",
     seconds: 20.0,
     run,
 };

@@ -251,7 +251,7 @@ class Search:
     def _take(self, trial: Union[Trial, int]) -> Trial:
         rollout = trial.rollout if isinstance(trial, Trial) else int(trial)
         if rollout not in self._pending:
-            why = "was told already" if any(told.rollout == rollout for told in self._told) else "was not asked for"
+            why = "was already reported" if any(told.rollout == rollout for told in self._told) else "was not proposed"
             raise ValueError(f"trial {rollout} {why}: pending are {list(self._pending) or 'none'}")
         return self._pending[rollout]
 

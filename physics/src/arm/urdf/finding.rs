@@ -77,8 +77,8 @@ pub enum UrdfFault {
     NotPositive { field: &'static str, joint: String, value: f64 },
     /// Nothing in the file says what the arm weighs.
     #[error(
-        "the arm's dynamics are not given: no moving link of {links} has an <inertial>; take the \
-         maker's description with masses and tensors, or add them"
+        "the arm's dynamics are not given: no moving link of {links} has an <inertial>; use the \
+         manufacturer's description with masses and inertias, or add them"
     )]
     NoDynamics { links: String },
     /// A moving body has a shape but no mass, or nothing resists its joint.
