@@ -48,7 +48,7 @@ impl Acks {
         self.iter().any(|ack| ack.covers(session, rollout))
     }
 
-    /// Of every place, 0 where it is free.
+    /// The schema of every place, 0 where it is free.
     pub(crate) fn schemas(&self) -> impl Iterator<Item = u64> {
         self.places.into_iter().map(|ack| ack.schema)
     }

@@ -9,7 +9,7 @@ use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
 /// Read as another number on a machine of the other byte order.
 const MAGIC: u64 = u64::from_le_bytes(*b"SKBRIDGE");
-/// Of turns and answers. Message layouts have a hash of their own, [`SCHEMA`].
+/// The version of turns and answers. Message layouts have a hash of their own, [`SCHEMA`].
 pub const VERSION: u64 = 3;
 
 /// What every message begins with.

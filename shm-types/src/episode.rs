@@ -197,7 +197,7 @@ impl Default for EpisodeHeader {
 }
 
 impl Ack {
-    /// Of a learner that has not been heard.
+    /// What stands for a learner that has sent nothing yet.
     pub const NONE: Ack = Ack { schema: 0, session: 0, durable_rollout: 0, rollout: 0, success: 0 };
 
     /// This rollout is durable, by what is acknowledged here.

@@ -25,7 +25,7 @@ message! {
 }
 
 impl Equipment {
-    /// Of a controller that tells nothing.
+    /// What stands for a controller that reports nothing.
     pub const UNKNOWN: Equipment = Equipment {
         task: [0; EQUIPMENT_NAME_LEN],
         arm: [0; EQUIPMENT_NAME_LEN],

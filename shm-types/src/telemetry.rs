@@ -68,7 +68,7 @@ message! {
 }
 
 impl Heartbeat {
-    /// Of a process that has not been heard.
+    /// What stands for a process that has sent nothing yet.
     pub const NONE: Heartbeat = Heartbeat {
         schema: 0,
         boot_id: 0,

@@ -115,7 +115,7 @@ fn glance(folder: &SessionFolder, config: Option<&Config>) -> Result<Glance, Str
     }
 }
 
-/// Of a session whose trials people have a say in.
+/// The glance at a session whose trials were rated by people.
 fn whole(database: &Path) -> Result<Glance, StoreError> {
     let store = Store::open(database)?;
     let summary = Summary::of(&store.trials()?);

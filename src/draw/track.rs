@@ -139,7 +139,7 @@ pub struct Course {
 }
 
 impl Course {
-    /// Of two moments at least.
+    /// The course over `times`, at least two.
     pub fn new(times: Vec<f64>, slower: f64, rest_s: f64) -> Course {
         Course { times, slower, rest_s }
     }

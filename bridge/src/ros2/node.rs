@@ -76,7 +76,7 @@ impl Node {
     }
 }
 
-/// Of a node behind a router.
+/// The connection of a node behind a router.
 pub struct Link {
     session: Option<Session>,
 }

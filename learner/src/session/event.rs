@@ -101,7 +101,7 @@ pub enum Event<'a> {
     /// People have said something of rollouts, or shown another movement.
     Said {
         taken: &'a [Taken],
-        /// Of the trials as they count now, before proposal `next`.
+        /// The summary of the trials as they count now, before proposal `next`.
         summary: &'a Summary,
         next: u64,
     },
@@ -119,7 +119,7 @@ pub enum Event<'a> {
 }
 
 impl<'a> Event<'a> {
-    /// Of a checked episode.
+    /// The event of a checked episode.
     pub(super) fn executed(
         policy: &'a PolicyMsg,
         header: &'a EpisodeHeader,

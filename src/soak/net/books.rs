@@ -86,7 +86,7 @@ impl Books {
         }
     }
 
-    /// Of session `number`, when everything has come to rest.
+    /// The books of session `number`, once everything has come to rest.
     pub fn of(fleet: &Fleet, number: u64) -> Result<Books> {
         let folder = fleet.session(number);
         let mut books = Evidence::of(fleet, number)?.balance();

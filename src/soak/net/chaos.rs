@@ -201,7 +201,7 @@ impl<'a> Chaos<'a> {
         Ok(is_done)
     }
 
-    /// Of the session that is learnt.
+    /// The trials of the session that is being learnt.
     fn trials(&self) -> u64 {
         let path = self.fleet.session(self.number).join("session.db");
         Store::open(&path).and_then(|store| store.trial_count()).unwrap_or(0)

@@ -50,7 +50,7 @@ pub struct NetPlan {
     pub hosts: usize,
     pub cells: usize,
     pub weather: Weather,
-    /// Of each session.
+    /// Rollouts of each session.
     pub rollouts: u64,
     pub seed: u64,
     pub pace: PaceArg,

@@ -18,7 +18,7 @@ def resume(session: Session) -> Search:
     search = Search._as_configured(session.learner, _demonstrations(session))
     trials = session.trials
     rollouts, after = trials["rollout"].tolist(), trials["asked_after"].tolist()
-    # In flight, but of no influence on any trial: whoever goes on asks for these.
+    # In flight, but of no influence on any trial: the resumed search proposes these again.
     in_flight = [(rollout, known) for rollout, known in session._in_flight if rollout < max(rollouts, default=0)]
     asked: dict[int, int] = {**dict(zip(rollouts, after)), **dict(in_flight)}
     order, proposed = iter(sorted(asked)), {}

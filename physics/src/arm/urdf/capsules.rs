@@ -86,7 +86,7 @@ impl Appearance {
     }
 }
 
-/// Of the cylinder with the mass and the smallest principal moment of a link, m.
+/// The radius of the cylinder with the mass and the smallest principal moment of a link, m.
 fn radius(link: &Link) -> Option<f64> {
     let inertial = link.inertial.as_ref().filter(|inertial| inertial.mass > 0.0)?;
     let smallest = inertial.I_C.symmetric_eigenvalues().min();
