@@ -143,7 +143,11 @@ impl Config {
     /// paths inside are relative to the file.
     pub fn read(path: &Path, of: Defaults) -> Result<Config> {
         let text = std::fs::read_to_string(path).with_context(|| {
-            format!("{}: cannot read the configuration; check the path", path.display())
+            let hint = match path.starts_with("config") {
+                true => "; the ready-made ones are in a clone, or below share/skillet",
+                false => "",
+            };
+            format!("{}: cannot read the configuration; check the path{hint}", path.display())
         })?;
         // A session's own file is complete: what an older one does not say was not there to be chosen.
         let is_complete = path.file_name().is_some_and(|name| name == SESSION_FILE);

@@ -38,20 +38,25 @@ impl Health {
     }
 }
 
-/// The worst health of all findings, and the findings.
-pub fn of(status: &Status) -> (Health, Vec<String>) {
-    let found = findings(status);
+/// The worst health of all findings.
+pub fn level(status: &Status) -> Health {
+    of(status, "").0
+}
+
+/// The worst health of all findings, and the findings, with commands for the cell of that name.
+pub fn of(status: &Status, cell: &str) -> (Health, Vec<String>) {
+    let found = findings(status, cell);
     let worst = found.iter().map(|(health, _)| *health).max().unwrap_or(Health::Ok);
     (worst, found.into_iter().map(|(_, why)| why).collect())
 }
 
-fn findings(status: &Status) -> Vec<(Health, String)> {
+fn findings(status: &Status, cell: &str) -> Vec<(Health, String)> {
     let mut found = Vec::new();
     if status.latched_fault != 0 {
         let fault = Fault::describe(status.latched_fault as u32);
         found.push((
             Health::Bad,
-            format!("the arm is held ({fault}); run `skillet rearm` to resume"),
+            format!("the arm is held ({fault}); run `skillet rearm --cell {cell}` to resume"),
         ));
     }
     if status.plant == PLANT_ABSENT {
@@ -158,9 +163,10 @@ pub fn notes(status: &Status, cell: &str) -> Vec<String> {
         ));
     }
     if status.pin_restored == 1 {
+        let served = if status.latched_fault == 0 { "is being" } else { "will be" };
         notes.push(format!(
-            "policy {policy} was pinned by an earlier run and is being served; run `skillet policy pin` to \
-             confirm, or `unpin` or `hold`"
+            "policy {policy} was pinned by an earlier run and {served} served; run `skillet policy pin --cell \
+             {cell}` to confirm, or `unpin` or `hold`"
         ));
     }
     notes

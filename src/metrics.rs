@@ -145,7 +145,7 @@ fn counters(status: &Status) -> [(&'static str, &'static str, u64); 11] {
 }
 
 fn gauges(status: &Status) -> [(&'static str, &'static str, f64); 10] {
-    let health = f64::from(health::of(status).0 as u8);
+    let health = f64::from(health::level(status) as u8);
     [
         ("health", "0 ok, 1 degraded, 2 bad", health),
         (

@@ -244,23 +244,26 @@ fn check_speed(config: &Config, model: &ArmModel, demonstration: &Demonstration)
     if effort.is_within_limits() {
         return Ok(());
     }
-    let remedy = slower(config, demonstration.duration_s(), effort.slower());
+    let (duration_s, slow) = (demonstration.duration_s(), effort.slower());
+    // Samples of a slower movement show more of it: only the recording tells what is enough.
+    let remedy = too_long(config, duration_s, slow).unwrap_or_else(|| {
+        format!(
+            "convert its recording again, about {slow} times slower, with `skillet demo convert --slow`, which \
+             says how much is enough"
+        )
+    });
     Err(effort.excess(demonstration.file(), &remedy))
 }
 
-/// What to do with a demonstration of `duration_s` that has to be `slow` times slower.
-pub fn slower(config: &Config, duration_s: f64, slow: f64) -> String {
+/// What to do where a demonstration of `duration_s`, so many times slower, does not fit into an episode.
+pub fn too_long(config: &Config, duration_s: f64, slow: f64) -> Option<String> {
     let (slowed, longest) = (slow * duration_s, longest_s(config));
-    if slowed <= longest {
-        return format!(
-            "convert it with --slow {slow}, slow enough for its limits; --smooth-s takes noise out of a \
-             recording"
-        );
-    }
-    format!(
-        "{slow} times slower it would last {slowed:.2} s, and {longest:.2} s fit into an episode: use one that \
-         was made for a similar arm, or another start posture (`skillet arm check --seed 2`)"
-    )
+    (slowed > longest).then(|| {
+        format!(
+            "{slow} times slower it would last {slowed:.3} s, and {longest:.3} s fit into an episode: use one that \
+             was made for a similar arm, or another start posture (`skillet arm check --seed 2`)"
+        )
+    })
 }
 
 /// Quaternions may turn any way; what sees rotation vectors is given those.

@@ -115,7 +115,7 @@ fn every_command_prints_what_the_page_says() {
     for (section, command) in USES {
         let arguments: Vec<&str> = command.split(' ').chain(["--json"]).collect();
         if command.starts_with("rearm") {
-            // The fault must have been gone for a second.
+            // Its cause must have been gone for 200 ticks.
             sleep(Duration::from_millis(1200));
         }
         let output = bench.run(&arguments);

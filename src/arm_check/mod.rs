@@ -44,8 +44,16 @@ pub struct Checked {
     /// Why the built-in demonstration, begun at the start posture, does not fit the arm.
     pub misfit: Option<String>,
     /// A demonstration that comes with the tool and fits, moved to the start.
-    pub demonstration: Option<String>,
+    pub demonstration: Option<Fitting>,
     pub candidates: Vec<ChainCandidate>,
+}
+
+/// A demonstration that the arm can follow.
+pub struct Fitting {
+    /// Where `skillet demo convert` finds it.
+    pub name: String,
+    /// Lowest height of its tip, m.
+    pub lowest_m: f64,
 }
 
 /// Why an arm is not usable.
@@ -99,18 +107,19 @@ pub fn run(text: &str, args: &CheckArgs) -> Result<Checked, Refusal> {
 }
 
 /// The first demonstration that comes with the tool and that the arm can follow from its start.
-fn fitting(config: &Config, model: &ArmModel) -> Option<String> {
+fn fitting(config: &Config, model: &ArmModel) -> Option<Fitting> {
     let options = Options {
         at_start: Some(kinematics::tip_pose(model, &config.plant.start_posture())),
         ..Options::default()
     };
-    let fits = |name: &str, text: &str| -> Result<()> {
-        let moved = demo::import(name, text.as_bytes(), model, &options)?;
-        let demonstration = Demonstration::parse(name, &moved.csv())?;
-        setup::check_followed(config, model, &demonstration)
+    let fits = |name: String, text: &str| -> Result<Fitting> {
+        let moved = demo::import(&name, text.as_bytes(), model, &options)?;
+        let demonstration = Demonstration::parse(&name, &moved.csv())?;
+        setup::check_followed(config, model, &demonstration)?;
+        let heights = demonstration.poses().iter().map(|pose| pose[2]);
+        Ok(Fitting { name, lowest_m: heights.fold(f64::INFINITY, f64::min) })
     };
-    let mut all = robots::demonstrations();
-    all.find(|(name, text)| fits(name, text).is_ok()).map(|(name, _)| name)
+    robots::demonstrations().find_map(|(name, text)| fits(name, text).ok())
 }
 
 type Found = (Config, LoadedArm, StartPosture);

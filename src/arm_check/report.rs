@@ -7,8 +7,12 @@ use physics::arm::start_posture::{largest_share, reach};
 use physics::arm::urdf::LoadedArm;
 use serde_json::{Value, json};
 
-use super::{Checked, Refusal};
+use super::{Checked, Fitting, Refusal};
 use crate::cli::arm::CheckArgs;
+
+/// Below this height of the demonstration's tip above the base, m, a throw may go below the base: it dips by about
+/// 0.25 m more.
+const LOW_M: f64 = 0.25;
 
 /// The demonstration that the configuration names, and the next command makes.
 pub const DEMONSTRATION: &str = "my_demo.csv";
@@ -58,12 +62,22 @@ pub fn text(checked: &Checked, args: &CheckArgs) -> Result<String> {
     writeln!(out, "\nstart    pan level at ({:.3}, {:.3}, {:.3}) m", p.x, p.y, p.z)?;
     match (&checked.misfit, &checked.demonstration) {
         (None, _) => writeln!(out, "demo     the built-in one is feasible from there")?,
-        (Some(_), Some(other)) => writeln!(out, "demo     {other} is feasible from there")?,
+        (Some(_), Some(other)) => writeln!(out, "demo     {} is feasible from there", other.name)?,
         (Some(misfit), None) => {
             writeln!(out, "demo     none that comes with the tool is feasible: {misfit}")?;
         }
     }
+    if let Some(pan) = &checked.config.plant.pan {
+        writeln!(out, "pan      added, {} kg; mass and reach include it", pan.mass_kg)?;
+    }
     checked.arm.notes.iter().try_for_each(|note| writeln!(out, "warning: {note}"))?;
+    if let Some(Fitting { lowest_m, .. }) = checked.demonstration.as_ref().filter(is_low) {
+        writeln!(
+            out,
+            "warning: the demonstration dips to z = {lowest_m:.2} m, and a learnt throw dips lower: if the arm stands \
+             on a table, set controller.workspace_floor_m, try --seed 2, or raise the base in the URDF"
+        )?;
+    }
     for candidate in other_chains(checked, args) {
         writeln!(out, "another chain: --tip {}{}", candidate.0, candidate.1)?;
     }
@@ -78,6 +92,11 @@ pub fn text(checked: &Checked, args: &CheckArgs) -> Result<String> {
     Ok(out)
 }
 
+/// It comes so near to the height of the base that a throw may go below it.
+fn is_low(fitting: &&Fitting) -> bool {
+    fitting.lowest_m < LOW_M
+}
+
 /// The commands that lead from here to a learnt skill.
 fn next(checked: &Checked, args: &CheckArgs) -> String {
     let config = args.out.clone().unwrap_or_else(|| "my.toml".into());
@@ -85,7 +104,9 @@ fn next(checked: &Checked, args: &CheckArgs) -> String {
     let demonstration = config.with_file_name(DEMONSTRATION);
     let (config, demonstration) = (config.display(), demonstration.display());
     let (recording, whose) = match &checked.demonstration {
-        Some(name) => (name.as_str(), ", with this demonstration or your own recording"),
+        Some(Fitting { name, .. }) => {
+            (name.as_str(), ", with this demonstration or your own recording")
+        }
         None => ("recording.csv", ", with your own recording (docs/own-demonstration.md)"),
     };
     let write = match args.out {
@@ -154,7 +175,8 @@ pub fn json(checked: &Checked, args: &CheckArgs) -> Result<Value> {
         "holding_share_max": largest_share(model, &posture.holding),
         "dexterity": posture.dexterity,
         "demonstration_misfit": checked.misfit,
-        "demonstration": checked.demonstration,
+        "demonstration": checked.demonstration.as_ref().map(|fitting| &fitting.name),
+        "demonstration_lowest_m": checked.demonstration.as_ref().map(|fitting| fitting.lowest_m),
         "warnings": warnings,
         "chains": chains,
         "configuration": checked.configuration(None)?,

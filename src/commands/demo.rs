@@ -88,7 +88,13 @@ fn import(args: &ImportArgs) -> Result<Verdict> {
     let too_fast = effort.as_ref().ok().filter(|effort| !effort.is_within_limits()).map(|effort| {
         let slow = slow_enough(&file, &bytes, &config, &model, &options, effort);
         let as_recorded_s = demonstration.duration_s() / options.slow;
-        effort.excess(demonstration.file(), &setup::slower(&config, as_recorded_s, slow))
+        let remedy = setup::too_long(&config, as_recorded_s, slow).unwrap_or_else(|| {
+            format!(
+                "convert it with --slow {slow}, slow enough for its limits; --smooth-s takes noise out of a \
+                 recording"
+            )
+        });
+        effort.excess(demonstration.file(), &remedy)
     });
     let misfit = effort.as_ref().err().or(too_fast.as_ref());
     write(&args.out, &csv)?;

@@ -15,8 +15,8 @@ use shm_types::random_id;
 use crate::Verdict;
 use crate::cell::{NamedCell, through};
 use crate::cli::AtArg;
-use crate::fields;
 use crate::output::{print, print_json};
+use crate::{fields, health};
 
 /// Timeouts of a command that takes effect immediately, and of one that may wait for a rollout and an approach.
 const SOON: Duration = Duration::from_secs(5);
@@ -97,6 +97,12 @@ fn swap(cell: &NamedCell, command: Command, at: AtArg, as_json: bool) -> Result<
             let name = cell.cell.name();
             print(&format!(
                 "it is pinned; learners wait until `skillet policy unpin --cell {name}`\n"
+            ))?;
+        } else if health::has_learner(&reply.status) {
+            let name = cell.cell.name();
+            print(&format!(
+                "a learner is running, and its rollouts come first; `skillet policy pin --cell {name}` keeps \
+                 this policy\n"
             ))?;
         }
     }

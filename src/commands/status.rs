@@ -35,7 +35,7 @@ pub fn run(args: &StatusArgs) -> Result<Verdict> {
     } else {
         print(&as_text(cell, &reply, &faults_dir))?;
     }
-    Ok(match health::of(&reply.status).0 {
+    Ok(match health::level(&reply.status) {
         Health::Bad => Verdict::Negative,
         _ => Verdict::Done,
     })
@@ -78,7 +78,7 @@ fn seconds(ns: u64) -> Option<f64> {
 
 fn as_json(cell: &Cell, reply: &Reply) -> serde_json::Value {
     let status = &reply.status;
-    let (health, findings) = health::of(status);
+    let (health, findings) = health::of(status, cell.name());
     json!({
         "cell": cell.name(),
         "controller": "running",
@@ -150,7 +150,7 @@ fn held(cell: &Cell, status: &Status) -> String {
     let Some(fault) = latched(status) else { return String::new() };
     let (name, age_s) = (cell.name(), status.latched_ns as f64 * 1e-9);
     let next = match status.latched_present {
-        1 => "the cause is still present: fix it first".to_string(),
+        1 => "the cause is still present".to_string(),
         _ => format!("fix the cause, then run `skillet rearm --cell {name}`"),
     };
     format!("held        for {age_s:.0} s: {fault}; {next}\n")
@@ -223,7 +223,7 @@ fn as_text(cell: &Cell, reply: &Reply, faults_dir: &Path) -> String {
         status.applied_tick,
     );
     text += &held(cell, status);
-    let (health, findings) = health::of(status);
+    let (health, findings) = health::of(status, cell.name());
     text +=
         &format!("health      {}\n", [vec![health.name().into()], findings].concat().join("; "));
     for note in health::notes(status, cell.name()) {

@@ -55,6 +55,9 @@ pub use robustness::{Attempt, Circumstance, Robustness};
 pub use several::{Session, figures as figures_of_several};
 pub use terms::Term;
 
+/// What a success of a toss is called.
+const FLIP: &str = "caught flip";
+
 /// What a report shows.
 pub struct ReportData {
     pub task: String,
@@ -118,6 +121,16 @@ impl ReportData {
             _ => "a policy of systems has no springs.",
         };
         Some(reason.to_owned())
+    }
+
+    /// A success is a caught flip, not what a judge of one's own calls one.
+    fn counts_flips(&self) -> bool {
+        self.is_toss() && self.success == Some(FLIP)
+    }
+
+    /// What successes are called.
+    fn successes(&self) -> &'static str {
+        if self.counts_flips() { "caught flips" } else { "successes" }
     }
 
     /// What the paths of the object show: the tip where nothing is tracked.

@@ -31,9 +31,10 @@ pub fn figure(data: &ReportData) -> Figure {
         stem: "outcomes",
         title: "Outcomes over the rollouts",
         caption: format!(
-            "Filled points: caught flips. Dotted lines: half a turn, and the edge of the pan. A \
+            "Filled points: {}. Dotted lines: half a turn, and the edge of the pan. A \
              short stroke on the axis marks a rollout whose pancake never crossed the height at \
              which angle and miss are measured. A miss beyond {:.0}&#8239;cm is drawn at that value.",
+            data.successes(),
             MISS_MAX_M * 100.0
         ),
         rows,

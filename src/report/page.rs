@@ -21,7 +21,7 @@ const TERMS: &str = "<b>Terms.</b> A <i>rollout</i> is one execution of a policy
     <i>policy</i> is a sequence of attractors, each with a stiffness; they act one after another \
     and pull the pan along. <i>Release</i> is the moment the pancake leaves the pan, \
     <i>apex</i> its highest rise above its start, <i>crossing</i> the moment it falls back to \
-    Δ<sub>h</sub> above the pan, where flip angle and distance are measured. The <i>flip angle</i> \
+    Δ<sub>h</sub> = 10&#8239;cm above the pan, where flip angle and distance are measured. The <i>flip angle</i> \
     is the angle between the pancake's normals at the start and at the crossing: 180° is half a turn. The \
     <i>lateral miss</i> is the distance between the two centres in the plane of the pan. In a <i>caught \
     flip</i> the pancake lies in the pan upside down at the end.";

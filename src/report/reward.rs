@@ -1,6 +1,6 @@
 //! Reward over the rollouts: the paper's Fig. 3, centre.
 
-use super::{Pictures, ReportData, TrialRow};
+use super::{ReportData, TrialRow};
 use crate::draw::figure::{Figure, HALF, Row};
 use crate::draw::plot::{Axis, Entry, Key, Plot};
 use crate::draw::svg::Panel;
@@ -25,10 +25,10 @@ pub fn figure(data: &ReportData) -> Figure {
     let rows = if data.trials.is_empty() {
         Err("the session has no rollout yet.".to_owned())
     } else {
-        let (legend, height) = match (data.success, &data.pictures) {
+        let (legend, height) = match (data.success, data.counts_flips()) {
             (None, _) => (&PLAIN_LEGEND[..], 300.0),
-            (Some(_), Pictures::Toss) => (&FLIP_LEGEND[..], 262.0),
-            (Some(_), _) => (&LEGEND[..], 262.0),
+            (Some(_), true) => (&FLIP_LEGEND[..], 262.0),
+            (Some(_), false) => (&LEGEND[..], 262.0),
         };
         let mut rows = vec![Row::Half(draw(data, legend, (HALF, height)))];
         if data.success.is_some() {
@@ -36,13 +36,13 @@ pub fn figure(data: &ReportData) -> Figure {
         }
         Ok(rows)
     };
-    let caption = match (data.success, &data.pictures) {
+    let caption = match (data.success, data.counts_flips()) {
         (None, _) => "One point per rollout.",
-        (Some(_), Pictures::Toss) => {
+        (Some(_), true) => {
             "One point per rollout, filled where the pancake was flipped and caught. Below: the \
              share of caught flips among the last 10 rollouts."
         }
-        (Some(_), _) => {
+        (Some(_), false) => {
             "One point per rollout, filled where it was a success. Below: the share of successes \
              among the last 10 rollouts."
         }
@@ -79,7 +79,7 @@ fn draw(data: &ReportData, legend: &[Entry], size: (f64, f64)) -> Panel {
 
 fn draw_successes(data: &ReportData, size: (f64, f64)) -> Panel {
     let trials = &data.trials;
-    let successes = if data.is_toss() { "caught flips" } else { "successes" };
+    let successes = data.successes();
     let label = format!("{successes} among the last 10, %");
     let x = Axis::rollouts(trials.iter().map(|trial| trial.rollout));
     let y = Axis { label: &label, min: 0.0, max: 100.0 };

@@ -47,7 +47,7 @@ pub fn figure(data: &ReportData) -> Figure {
                  reward.",
                 escape(&robustness.policy),
                 attempts().count(),
-                if data.is_toss() { "caught flips" } else { "successes" },
+                data.successes(),
                 attempts().count(),
             )
         }

@@ -46,7 +46,7 @@ pub fn figure(data: &ReportData) -> Figure {
             "Rollout {} from the side. All frames have the same scale; heights are in m. \
              The pancake's original top is light and carries its normal V. Its \
              path is dotted, and solid up to the current moment. Crossing: it falls back to \
-             Δ<sub>h</sub> above the pan.{flight}",
+             Δ<sub>h</sub> = 10&#8239;cm above the pan.{flight}",
             data.learnt_rollout
         ),
         rows,

@@ -112,7 +112,7 @@ fn session_rows(data: &ReportData) -> Vec<(String, String)> {
         vec![row("seed", data.seed.to_string()), row("rollouts", trials.len().to_string())];
     match data.pictures {
         Pictures::Toss => {
-            rows.push(row("caught flips", successes(trials).to_string()));
+            rows.push(row(data.successes(), successes(trials).to_string()));
             rows.push(row("dropped pancakes", with("dropped").to_string()));
         }
         _ if data.success.is_some() => {

@@ -25,11 +25,8 @@ pub fn figure(data: &ReportData) -> Figure {
         true => Err("the reward of this session is not a sum of terms.".to_owned()),
         false => Ok(thirds(terms.iter().map(|term| draw(data, term, range)).collect())),
     };
-    let filled = match (data.success, data.is_toss()) {
-        (None, _) => "",
-        (_, true) => " Filled: caught flips.",
-        (_, false) => " Filled: successes.",
-    };
+    let filled = data.success.map(|_| format!(" Filled: {}.", data.successes()));
+    let filled = filled.unwrap_or_default();
     let more = match data.terms.len().saturating_sub(MOST) {
         0 => String::new(),
         n => format!(" {n} more terms are not drawn."),

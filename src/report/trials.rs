@@ -21,7 +21,11 @@ pub fn table(data: &ReportData) -> String {
         "fault",
     ];
     let (head, row): (Vec<String>, fn(&TrialRow) -> String) = match &data.pictures {
-        Pictures::Toss => (FLIPS.map(String::from).into(), trial_row),
+        Pictures::Toss => {
+            let success = if data.counts_flips() { "caught" } else { "success" };
+            let head = FLIPS.map(|name| if name == "caught" { success } else { name });
+            (head.map(String::from).into(), trial_row)
+        }
         Pictures::Plane(plane) => {
             let head = ["rollout", "reward", plane.x.label, plane.y.label];
             (head.map(String::from).into(), action_row)

@@ -162,7 +162,7 @@ impl Vitals {
     /// How the cell is, with reasons; unknown before the first answer.
     pub fn health(&self) -> Option<(Health, Vec<String>)> {
         match self.controller() {
-            Presence::Running => self.status().map(|status| health::of(&status)),
+            Presence::Running => self.status().map(|status| health::of(&status, self.cell.name())),
             gone => Some((Health::Bad, vec![self.missing(gone)])),
         }
     }

@@ -53,7 +53,9 @@ pub(crate) enum Refusal {
     NoArm,
     #[error("no fault is latched: there is nothing to re-arm")]
     NothingLatched,
-    #[error("{0}: still present within the last second; fix it, wait a second and try again")]
+    #[error(
+        "{0}: its cause was present within the last 200 ticks; try again in a moment, or fix it if it persists"
+    )]
     StillPresent(&'static str),
     #[error("the cell's state cannot be saved ({0}): free space or fix permissions, then repeat")]
     NotKept(String),

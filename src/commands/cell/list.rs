@@ -89,7 +89,7 @@ impl Row {
             "learner": self.learner.name(),
             "learner_pid": self.learner_pid,
             "session": self.session,
-            "health": status.map(|status| health::of(status).0),
+            "health": status.map(|status| health::level(status)),
             "active_policy": status.map(|status| fields::policy(&status.active)),
             "pinned": status.map(|status| status.pinned == 1),
             "rollouts_done": status.map(|status| status.rollouts_done),
@@ -118,7 +118,7 @@ fn table(rows: &[Row]) -> String {
             Some(pid) => format!("{} {pid}", presence.name()),
             None => presence.name().to_string(),
         };
-        let health = row.status.map_or("–", |status| health::of(&status).0.name());
+        let health = row.status.map_or("–", |status| health::level(&status).name());
         let session = row.session.as_ref().map(|path| short(path).display().to_string());
         text += &format!(
             "{:<width$}  {:<16}  {:<16}  {health:<8}  {}\n",

@@ -42,7 +42,7 @@ fn findings(model: &Model) -> Option<String> {
 }
 
 fn known(model: &Model, lost: u64, status: &Status, width: usize) -> Vec<Line<'static>> {
-    let (health, _) = health::of(status);
+    let health = health::level(status);
     let color = match health {
         Health::Ok => Color::Green,
         Health::Degraded => Color::Yellow,
