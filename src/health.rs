@@ -196,15 +196,19 @@ mod tests {
 
     #[test]
     fn the_worst_finding_decides_and_all_are_named() {
-        assert_eq!(of(&Status::ZERO), (Health::Ok, Vec::new()), "no learner yet is no defect");
+        assert_eq!(
+            of(&Status::ZERO, "kitchen"),
+            (Health::Ok, Vec::new()),
+            "no learner yet is no defect"
+        );
         let silent = Status { learner_age_ns: 6_000_000_000, state_errors: 2, ..Status::ZERO };
-        let (health, why) = of(&silent);
+        let (health, why) = of(&silent, "kitchen");
         assert_eq!((health, why.len()), (Health::Degraded, 2));
         assert!(why[1].contains("silent for 6 s") && why[1].contains("held"), "{why:?}");
-        let (health, why) = of(&Status { spool_full: 1, ..silent });
+        let (health, why) = of(&Status { spool_full: 1, ..silent }, "kitchen");
         assert_eq!(health, Health::Bad);
         assert!(why[0].contains("spool is full"), "{why:?}");
-        let (health, why) = of(&Status { latched_fault: 1, ..Status::ZERO });
+        let (health, why) = of(&Status { latched_fault: 1, ..Status::ZERO }, "kitchen");
         assert_eq!(health, Health::Bad);
         assert!(why[0].contains("skillet rearm"), "{why:?}");
     }
@@ -212,15 +216,19 @@ mod tests {
     #[test]
     fn what_stood_still_or_says_nothing_is_not_well() {
         let s = 1_000_000_000;
-        let finding = |status| of(&status).1.join("; ");
+        let finding = |status| of(&status, "kitchen").1.join("; ");
         let stalled =
             Status { stalls: 1, stall_last_ns: 4 * s, stall_age_ns: 12 * s, ..Status::ZERO };
-        assert_eq!(of(&stalled).0, Health::Degraded);
+        assert_eq!(of(&stalled, "kitchen").0, Health::Degraded);
         assert!(finding(stalled).contains("stalled for 4.0 s, 12 s ago"));
-        assert_eq!(of(&Status { stall_age_ns: 600 * s, ..stalled }).0, Health::Ok, "an old one");
-        assert_eq!(of(&Status { tick_age_ns: 2 * s, ..Status::ZERO }).0, Health::Bad);
+        assert_eq!(
+            of(&Status { stall_age_ns: 600 * s, ..stalled }, "kitchen").0,
+            Health::Ok,
+            "an old one"
+        );
+        assert_eq!(of(&Status { tick_age_ns: 2 * s, ..Status::ZERO }, "kitchen").0, Health::Bad);
         let mute = |learner_mute_ns| Status { learner_mute_ns, ..Status::ZERO };
-        assert_eq!(of(&mute(s)).0, Health::Ok, "it has just come");
+        assert_eq!(of(&mute(s), "kitchen").0, Health::Ok, "it has just come");
         assert!(finding(mute(9 * s)).contains("no heartbeat for 9 s"));
         let full = Status { learner_waits: WAITS_DISK, learner_age_ns: 0, ..Status::ZERO };
         assert!(finding(full).contains("waiting for its disk"));
@@ -238,7 +246,7 @@ mod tests {
         assert!(notes(&Status { pin_restored: 1, ..pinned }, "c1")[0].contains("an earlier run"));
         let judged = Status { learner_waits: WAITS_JUDGE, learner_age_ns: 0, ..Status::ZERO };
         assert!(notes(&judged, "c1")[0].contains("waits for its judge"));
-        assert_eq!(of(&judged).0, Health::Ok, "it is no defect");
+        assert_eq!(of(&judged, "kitchen").0, Health::Ok, "it is no defect");
         let moved = Status { posture: [0.4, 0.0, -0.2, 0.0, 0.0, 0.0, 0.0], ..Status::ZERO };
         let said = &notes(&moved, "c1")[0];
         assert!(said.contains("0.4 rad at joint 1, -0.2 rad at joint 3"), "{said}");
@@ -249,7 +257,7 @@ mod tests {
         ] {
             let asks = Status { learner_waits: waits, ..judged };
             assert!(notes(&asks, "nobody-here")[0].contains(word));
-            assert_eq!(of(&asks).0, Health::Ok);
+            assert_eq!(of(&asks, "kitchen").0, Health::Ok);
         }
     }
 }

@@ -89,7 +89,7 @@ impl Row {
             "learner": self.learner.name(),
             "learner_pid": self.learner_pid,
             "session": self.session,
-            "health": status.map(|status| health::level(status)),
+            "health": status.map(health::level),
             "active_policy": status.map(|status| fields::policy(&status.active)),
             "pinned": status.map(|status| status.pinned == 1),
             "rollouts_done": status.map(|status| status.rollouts_done),
