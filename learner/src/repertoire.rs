@@ -160,8 +160,10 @@ mod tests {
     fn a_wish_that_nothing_serves_hears_what_is_served() {
         let space = Space::white(DVector::zeros(2));
         let error = serve(&space, &trials(), &wish("apex_m > 0.9")).unwrap_err().to_string();
-        assert!(error.contains("none of the 25 rollouts") && error.contains("apex_m > 0.9"));
-        assert!(error.contains("apex_m lies between 0.400 and 0.690"), "{error}");
+        assert!(
+            error.contains("none of the 25 successful rollouts") && error.contains("apex_m > 0.9")
+        );
+        assert!(error.contains("apex_m between 0.400 and 0.690"), "{error}");
         let none: Vec<_> = trials()
             .into_iter()
             .map(|trial| TrialRecord { judged_success: false, ..trial })

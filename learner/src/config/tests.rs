@@ -43,7 +43,7 @@ fn refuses_each_bad_value_and_names_it() {
         ("learner.exploration.tempo_s is -0.1", |c| c.exploration.tempo_s = -0.1),
         ("learner.people.weight is NaN: use 0 to 1", |c| c.people.weight = f64::NAN),
         ("learner.people.success_from is 11: use 0 to 10", |c| c.people.success_from = 11.0),
-        ("learner.people.weight is 0.5: use 0 with a search", |c| {
+        ("learner.people.weight is 0.5: use 0, because this search", |c| {
             (c.people.weight, c.search.method) = (0.5, Method::Cem);
         }),
     ];
