@@ -144,9 +144,7 @@ pub fn notes(status: &Status, cell: &str) -> Vec<String> {
     let active = if status.active.is_none() { status.last_good } else { status.active };
     let policy = active.describe();
     if status.latched_fault != 0 && has_learner(status) {
-        notes.push(format!(
-            "learner waits: the arm is held; run `skillet rearm --cell {cell}` to resume"
-        ));
+        notes.push("learner waits until the arm is re-armed".into());
     } else if status.pinned == 1 && has_learner(status) {
         let unpin = format!("`skillet policy unpin --cell {cell}`");
         notes.push(format!("learner waits: policy {policy} is pinned; run {unpin} to release it"));
@@ -242,7 +240,7 @@ mod tests {
         assert_eq!(waits.len(), 1);
         assert!(waits[0].contains("learner waits") && waits[0].contains("unpin --cell c1"));
         let held = Status { latched_fault: 1, learner_age_ns: 0, ..pinned };
-        assert!(notes(&held, "c1")[0].contains("skillet rearm --cell c1"));
+        assert_eq!(notes(&held, "c1"), ["learner waits until the arm is re-armed"]);
         assert!(notes(&Status { pin_restored: 1, ..pinned }, "c1")[0].contains("an earlier run"));
         let judged = Status { learner_waits: WAITS_JUDGE, learner_age_ns: 0, ..Status::ZERO };
         assert!(notes(&judged, "c1")[0].contains("waits for its judge"));

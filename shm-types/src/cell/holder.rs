@@ -6,7 +6,7 @@
 use std::fs;
 use std::os::fd::OwnedFd;
 use std::os::unix::fs::MetadataExt;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Duration;
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -58,31 +58,43 @@ impl Holder {
     }
 }
 
-/// Times the list is read before a lock is said not to be in it.
-const READS: usize = 8;
-
-/// The process with the exclusive lock on the file `lock`. The kernel hands out its list in parts: where another lock
-/// is released between two of them, an entry is skipped.
+/// The process with the exclusive lock on the file `lock`. The kernel hands out the list of all locks in parts, and
+/// skips an entry where another lock is released between two of them; what is not in it is looked for in the
+/// descriptors of every process.
 fn locker(lock: &Path) -> Option<u32> {
-    (0..READS).find_map(|_| listed(lock))
+    listed(lock).or_else(|| {
+        let processes = fs::read_dir("/proc").ok()?.flatten();
+        let mut pids = processes.filter_map(|entry| entry.file_name().to_str()?.parse().ok());
+        pids.find(|pid| holds(*pid, lock))
+    })
 }
 
 fn listed(lock: &Path) -> Option<u32> {
     let inode = fs::metadata(lock).ok()?.ino();
     let locks = fs::read_to_string("/proc/locks").ok()?;
     // `1: FLOCK  ADVISORY  WRITE 1234 fe:00:5357775 0 EOF`: device and inode are those of any file system.
-    let holders = locks.lines().filter_map(|line| {
+    let mut holders = locks.lines().filter_map(|line| {
         let words: Vec<&str> = line.split_whitespace().collect();
         let [_, "FLOCK", _, "WRITE", pid, file, ..] = words[..] else { return None };
         (file.rsplit(':').next()?.parse() == Ok(inode)).then(|| pid.parse::<u32>().ok())?
     });
-    holders.into_iter().find(|pid| has_open(*pid, lock))
+    holders.find(|pid| holds(*pid, lock))
 }
 
-fn has_open(pid: u32, file: &Path) -> bool {
+/// One of the descriptors of the process has the file open and locked, by a lock that the process itself took.
+fn holds(pid: u32, file: &Path) -> bool {
     let Ok(open) = fs::read_dir(format!("/proc/{pid}/fd")) else { return false };
-    let mut targets = open.flatten().filter_map(|fd| fs::read_link(fd.path()).ok());
-    targets.any(|target: PathBuf| target == file)
+    let mut of_file =
+        open.flatten().filter(|fd| fs::read_link(fd.path()).is_ok_and(|target| target == file));
+    of_file.any(|fd| {
+        let info = format!("/proc/{pid}/fdinfo/{}", fd.file_name().to_string_lossy());
+        let info = fs::read_to_string(info).unwrap_or_default();
+        // `lock:  1: FLOCK  ADVISORY  WRITE 1234 fe:00:5357775 0 EOF`
+        info.lines().any(|line| {
+            let words: Vec<&str> = line.split_whitespace().collect();
+            matches!(words[..], ["lock:", _, "FLOCK", _, "WRITE", taker, ..] if taker == pid.to_string())
+        })
+    })
 }
 
 #[cfg(test)]

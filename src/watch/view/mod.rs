@@ -176,7 +176,7 @@ mod tests {
         let state = [
             "bad",
             "held by operator",
-            "rearm`",
+            "rearm --cell view`",
             "learner  absent",
             "in the loop 91 of session 00000000000000ab",
             "active 3, pinned",
