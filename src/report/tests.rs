@@ -132,6 +132,17 @@ fn draws_a_session_of_one_rollout_without_success() {
 }
 
 #[test]
+fn what_a_judge_of_ones_own_calls_a_success_is_no_caught_flip() {
+    let mut data = sample::session(20);
+    data.success = Some("success");
+    let page = render_all(&data);
+    assert!(page.contains("no success") && !page.contains("caught flip</text>"));
+    assert!(!page.contains("caught flips") && !page.contains("<th scope=\"col\">caught</th>"));
+    data.success = None;
+    assert!(!render_all(&data).contains("among the last 10, %"), "there is only a reward");
+}
+
+#[test]
 fn survives_values_that_are_not_finite() {
     let mut data = sample::session(5);
     data.trials[2].reward = f64::NAN;
