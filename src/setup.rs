@@ -140,11 +140,8 @@ pub fn check(config: &Config) -> Result<Vec<Demonstration>> {
 }
 
 /// Which demonstrations are too fast for the arm, and what to do. Not an error: it follows from one of the ways in
-/// which the joints may move, and the loop keeps to its limits by itself.
+/// which the joints may move, and the loop ends a rollout in which a joint goes far beyond its limits.
 pub fn too_fast(config: &Config, demonstrations: &[Demonstration]) -> Result<Vec<String>> {
-    if !config.has_arm() {
-        return Ok(Vec::new());
-    }
     let model = arm(config)?;
     let speed = |one: &Demonstration| check_speed(config, &model, one).err();
     Ok(demonstrations.iter().filter_map(speed).map(|error| format!("{error:#}")).collect())

@@ -18,7 +18,7 @@ use physics::arm::{ArmModel, kinematics};
 use crate::cli::arm::CheckArgs;
 use crate::config::Config;
 use crate::config::plant::PanConfig;
-use crate::demo::{self, Options};
+use crate::demo::{self, AS_IT_IS, Options};
 use crate::robots;
 use crate::setup::{self, MAX_TURN_RAD};
 use mounting::{Mounting, mountings};
@@ -110,7 +110,7 @@ pub fn run(text: &str, args: &CheckArgs) -> Result<Checked, Refusal> {
 fn fitting(config: &Config, model: &ArmModel) -> Option<Fitting> {
     let options = Options {
         at_start: Some(kinematics::tip_pose(model, &config.plant.start_posture())),
-        ..Options::default()
+        ..AS_IT_IS
     };
     let fits = |name: String, text: &str| -> Result<Fitting> {
         let moved = demo::import(&name, text.as_bytes(), model, &options)?;

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
-use crate::demo::Assignment;
+use crate::demo::{AS_IT_IS, Assignment};
 
 #[derive(Args)]
 pub struct DemoArgs {
@@ -77,7 +77,7 @@ pub struct ImportArgs {
     #[arg(long)]
     pub force: bool,
     /// Sample rate of the result, Hz
-    #[arg(long, default_value_t = 100.0, value_parser = rate)]
+    #[arg(long, default_value_t = AS_IT_IS.rate_hz, value_parser = rate)]
     pub rate_hz: f64,
     /// Smooth with local parabolas; standard deviation of their Gaussian weights, s
     #[arg(long, value_parser = positive)]
@@ -89,7 +89,7 @@ pub struct ImportArgs {
     #[arg(long, value_name = "S", value_parser = finite, allow_hyphen_values = true)]
     pub end: Option<f64>,
     /// Slow the recording down by this factor
-    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = slow)]
+    #[arg(long, value_name = "FACTOR", default_value_t = AS_IT_IS.slow, value_parser = slow)]
     pub slow: f64,
     /// Translate the recording so that it begins at the arm's start posture
     #[arg(long)]

@@ -133,18 +133,14 @@ fn prepare(args: &LearnArgs) -> Result<(SessionFolder, Config)> {
     if folder.has_session() {
         folder.expect_same_world(&config)?;
     }
+    // Said first: it may be why a check fails.
+    warn(setup::arm_notes(&config)?);
     let demonstrations = setup::check(&config)?;
-    warn(&config, &demonstrations, !folder.has_session())?;
     judging::judge(&config)?;
     config.task.judge.as_ref().map_or(Ok(()), command::check)?;
     if config.has_arm() && !Store::exists(&folder.database()) {
         // What demonstrations do not allow is said before a process starts.
-        let problem = Problem::new(&config.learner, &demonstrations)?;
-        if config.learner.n_components.number().is_none() {
-            let initial = problem.decode(&problem.spaces[0].theta_0, PolicyIds::default());
-            let n = initial.n_systems;
-            say(&format!("learner.n_components = \"bic\": the criterion chose {n} components"));
-        }
+        check_start(&config, &demonstrations)?;
     }
     if Store::exists(&folder.database()) {
         let session = || format!("session {}", folder.dir().display());
@@ -158,14 +154,20 @@ fn prepare(args: &LearnArgs) -> Result<(SessionFolder, Config)> {
     Ok((folder, Config::load(Some(&stored))?))
 }
 
-/// Says what is assumed of the arm and, where the session is new, which demonstrations it can hardly follow.
-fn warn(config: &Config, demonstrations: &[Demonstration], is_new: bool) -> Result<()> {
-    let mut notes = setup::arm_notes(config)?;
-    if is_new {
-        notes.extend(setup::too_fast(config, demonstrations)?);
+/// What a session with an arm begins with: which demonstrations are too fast, and how many components the policy has.
+fn check_start(config: &Config, demonstrations: &[Demonstration]) -> Result<()> {
+    warn(setup::too_fast(config, demonstrations)?);
+    let problem = Problem::new(&config.learner, demonstrations)?;
+    if config.learner.n_components.number().is_none() {
+        let initial = problem.decode(&problem.spaces[0].theta_0, PolicyIds::default());
+        let n = initial.n_systems;
+        say(&format!("learner.n_components = \"bic\": the criterion chose {n} components"));
     }
-    notes.iter().for_each(|note| say(&format!("warning: {note}")));
     Ok(())
+}
+
+fn warn(notes: Vec<String>) {
+    notes.iter().for_each(|note| say(&format!("warning: {note}")));
 }
 
 /// Has the program of `command` judge.

@@ -61,20 +61,17 @@ pub struct Options {
     pub orientation: Orientation,
 }
 
-impl Default for Options {
-    fn default() -> Options {
-        Options {
-            rate_hz: 100.0,
-            smooth_s: None,
-            start_s: None,
-            end_s: None,
-            slow: 1.0,
-            at_start: None,
-            columns: Vec::new(),
-            orientation: Orientation::default(),
-        }
-    }
-}
+/// All of a recording, at its speed and where it was recorded.
+pub const AS_IT_IS: Options = Options {
+    rate_hz: 100.0,
+    smooth_s: None,
+    start_s: None,
+    end_s: None,
+    slow: 1.0,
+    at_start: None,
+    columns: Vec::new(),
+    orientation: Orientation::Vector,
+};
 
 /// A movement at a uniform rate, beginning at time 0.
 pub struct Imported {

@@ -16,17 +16,6 @@ mod recorders;
 
 use super::*;
 
-const AS_IT_IS: Options = Options {
-    rate_hz: 100.0,
-    smooth_s: None,
-    start_s: None,
-    end_s: None,
-    slow: 1.0,
-    at_start: None,
-    columns: Vec::new(),
-    orientation: Orientation::Vector,
-};
-
 fn import(file: &str, text: &str, model: &ArmModel, options: &Options) -> Result<Imported> {
     super::import(file, text.as_bytes(), model, options)
 }

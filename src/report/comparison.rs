@@ -31,8 +31,8 @@ pub fn html(sessions: &[Session], figures: &[Figure]) -> String {
     document(&format!("{} sessions", sessions.len()), &body)
 }
 
-/// For example "A: 5 of 5 sessions with a hit, the first time at rollout 12 to 31 (median 17); 19 of the last 20
-/// rollouts succeed (median)."
+/// For example "A: 5 of 5 sessions with a hit, the first time at rollout 12 to 31 (median 17); successes among the
+/// last 20 rollouts: 16 to 20 (median 19)."
 fn verdicts(kinds: &[Kind<'_>]) -> String {
     let verdict = |kind: &Kind<'_>| {
         let name = if kinds.len() > 1 { format!("{}: ", kind.name) } else { String::new() };
@@ -64,7 +64,7 @@ fn achieved(sessions: &[&Session]) -> String {
     format!("{n} of {} with a {success}{when}{recent}", count(sessions.len()))
 }
 
-/// Values of several sessions, which rise.
+/// Values of several sessions, the smallest first.
 struct Spread(Vec<f64>);
 
 impl Spread {

@@ -56,7 +56,7 @@ pub use several::{Session, figures as figures_of_several};
 pub use terms::Term;
 
 /// What a success of a toss is called.
-const FLIP: &str = "caught flip";
+pub const FLIP: &str = "caught flip";
 
 /// What a report shows.
 pub struct ReportData {

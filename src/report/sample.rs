@@ -15,7 +15,7 @@ use shm_types::measures::{Measure, Measures, TRUTH};
 use shm_types::policy::{PolicyMsg, packed_index};
 
 use super::{
-    Attempt, Circumstance, Film, LinkTo, Links, Look, ModeRow, Origin, Pictures, ReportData,
+    Attempt, Circumstance, FLIP, Film, LinkTo, Links, Look, ModeRow, Origin, Pictures, ReportData,
     Robustness, Term, TrialRow,
 };
 use crate::provenance::Run;
@@ -87,7 +87,7 @@ pub fn session(n: u64) -> ReportData {
         pictures: Pictures::Toss,
         tip: "pan",
         object: "pancake",
-        success: Some("caught flip"),
+        success: Some(FLIP),
     }
 }
 

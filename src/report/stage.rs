@@ -85,9 +85,10 @@ pub fn moving(
     let course = Course::new(times, SLOWER, REST_S);
     let mut stage = Stage { prefix: prefix.into(), rest, tracks: Vec::new() };
 
-    let bodies = [data.tip, data.object].map(str::to_owned);
-    let bodies = bodies.into_iter().filter(|name| !name.is_empty());
-    let bodies = bodies.collect::<Vec<_>>().join(" and ");
+    let bodies = match data.object {
+        "" => data.tip.to_owned(),
+        object => format!("{} and {object}", data.tip),
+    };
     let alt = format!("animation of rollout {}: arm, {bodies} from the side", film.rollout);
     let mut panel = Panel::new(view.width(), view.height() + TIME_LINE, alt);
     let pans: Vec<Pose> = film.path.iter().map(|row| tip_pose(&view, row)).collect();

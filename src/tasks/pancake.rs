@@ -17,7 +17,7 @@ use super::camera::Camera;
 use super::{ArmTask, ArmWorld, Task, World};
 use crate::config::Config;
 use crate::record::solids::{Solid, Solids};
-use crate::report::Pictures;
+use crate::report::{FLIP, Pictures};
 use crate::setup;
 use measurer::measurer;
 use prediction::predict;
@@ -40,7 +40,7 @@ pub const TASK: Task = Task {
     has_target: false,
     options: &[],
     action_units: &[],
-    success: Some("caught flip"),
+    success: Some(FLIP),
     pictures: |_| Pictures::Toss,
 };
 

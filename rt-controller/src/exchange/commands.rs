@@ -23,6 +23,7 @@ use crate::disk::state_file::Remember;
 use crate::exchange::swap::{Served, SwapRefused};
 use crate::exchange::{Exchange, KNOWN};
 use crate::fault::Fault;
+use crate::hot::monitor::CLEAR_TICKS;
 use crate::rings::{Applied, PostureTaken};
 
 /// Replies kept for repeated commands.
@@ -54,7 +55,7 @@ pub(crate) enum Refusal {
     #[error("no fault is latched: there is nothing to re-arm")]
     NothingLatched,
     #[error(
-        "{0}: its cause was present within the last 200 ticks; try again in a moment, or fix it if it persists"
+        "{0}: its cause was present within the last {CLEAR_TICKS} ticks; try again in a moment, or fix it if it persists"
     )]
     StillPresent(&'static str),
     #[error("the cell's state cannot be saved ({0}): free space or fix permissions, then repeat")]

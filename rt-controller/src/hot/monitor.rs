@@ -50,7 +50,7 @@ const AGREEMENT_OF_DRIFT: f64 = 1.0 / 3.0;
 /// Ticks in a row with a residual beyond its limit before it is a fault.
 const FORCE_TICKS: u32 = 5;
 /// Ticks without any finding after which a cause is gone: longer than the windows.
-const CLEAR_TICKS: u32 = 200;
+pub(crate) const CLEAR_TICKS: u32 = 200;
 
 #[derive(Clone, Copy)]
 pub(crate) struct Monitor {

@@ -25,6 +25,9 @@ pub struct Holder {
 impl Cell {
     /// The process that holds `role`; `None` if there is none, or if it is out of sight, as in another container.
     pub fn holder(&self, role: Role) -> Option<Holder> {
+        if !self.has(role) {
+            return None;
+        }
         let lock = fs::canonicalize(self.lock_path(role)).ok()?;
         let pid = locker(&lock)?;
         let process = pidfd_open(Pid::from_raw(pid as i32)?, PidfdFlags::empty()).ok()?;
